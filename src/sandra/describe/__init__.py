@@ -1,0 +1,17 @@
+"""Scene -> Prompt: what the ranker is told, and in which form it has to answer."""
+
+from sandra.describe.describer import describe, feasible_actions, render
+from sandra.describe.types import ObstacleFacts, Prompt, Situation
+
+prompt = describe
+"""`describe` under the name by which `sandra.prompt` offers it."""
+
+__all__ = [
+    "ObstacleFacts",
+    "Prompt",
+    "Situation",
+    "describe",
+    "feasible_actions",
+    "prompt",
+    "render",
+]

@@ -1,0 +1,78 @@
+"""From a scene to a prompt: the paper's describer (Sec. III-B, figure "LLM prompt design")."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+
+from sandra.actions import ActionPair, Lateral, Longitudinal
+from sandra.describe.facts import situation
+from sandra.describe.outside import one_line
+from sandra.describe.schema import answer_schema
+from sandra.describe.types import Prompt
+from sandra.describe.wording import ego_text, obstacles_text, rules_text, system_text
+from sandra.scene.types import Scene
+from sandra.settings import Settings
+
+
+def describe(
+    scene: Scene,
+    command: str | None = None,
+    past: Sequence[ActionPair] = (),
+    rules: Sequence[str] = (),
+    rule_prompt: bool = False,
+    settings: Settings | None = None,
+) -> Prompt:
+    """Describe a scene for a ranker.
+
+    Args:
+        scene: the decision problem.
+        command: the driver's wish, e.g. "drive faster"; told as one line of at most 500
+            characters. It can change a ranking, never a verdict.
+        past: executed pairs, oldest first; the last `settings.history` are told.
+        rules: names of the traffic rules that will be verified.
+        rule_prompt: whether the rules are told as well (the paper found little use in it).
+        settings: k, history, horizon and the thresholds that the actions' meanings name.
+
+    Returns:
+        The prompt; `k` is the smaller of `settings.k` and the number of feasible pairs.
+    """
+    settings = settings or Settings()
+    longitudinal, lateral = feasible_actions(scene)
+    feasible = tuple(ActionPair(lon, lat) for lon in longitudinal for lat in lateral)
+    k = min(settings.k, len(feasible))
+    wish = one_line(command) if command else ""
+    recent = tuple(past)[-settings.history :] if settings.history else ()
+    facts = situation(scene, feasible, wish or None, recent, settings.horizon * scene.dt)
+    paragraphs = [ego_text(scene, facts), obstacles_text(facts, settings)]
+    if rule_prompt and rules:
+        paragraphs.append(rules_text(facts, rules, settings))
+    return Prompt(
+        system=system_text(facts, longitudinal, lateral, k, settings),
+        user="\n".join(paragraphs),
+        schema=answer_schema(longitudinal, lateral, k),
+        k=k,
+        longitudinal=longitudinal,
+        lateral=lateral,
+        situation=facts,
+    )
+
+
+def feasible_actions(scene: Scene) -> tuple[tuple[Longitudinal, ...], tuple[Lateral, ...]]:
+    """The actions that make sense here (paper Sec. III-B).
+
+    Every longitudinal action; a change of lanes only where there is an adjacent lane of the same
+    direction. Whether an action is safe is not asked here: that is the verifier's question.
+    """
+    lateral = [Lateral.FOLLOW_LANE]
+    if scene.left is not None:
+        lateral.append(Lateral.LEFT_LANE)
+    if scene.right is not None:
+        lateral.append(Lateral.RIGHT_LANE)
+    return tuple(Longitudinal), tuple(lateral)
+
+
+def render(prompt: Prompt) -> str:
+    """The whole prompt as a person reads it: system text, user text, schema."""
+    schema = json.dumps(prompt.schema, indent=2, ensure_ascii=False)
+    return f"<System>\n{prompt.system}\n\n<User>\n{prompt.user}\n\n<Schema>\n{schema}\n"

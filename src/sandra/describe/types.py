@@ -1,0 +1,84 @@
+"""What a ranker is given: the prompt as text, its schema, and the facts it was written from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from sandra.actions import ActionPair, Lateral, Longitudinal
+
+
+@dataclass(frozen=True, slots=True)
+class ObstacleFacts:
+    """One obstacle as the prompt tells it."""
+
+    id: int
+    kind: str
+    is_static: bool
+    relation: str
+    """"same", "left", "right", "opposite", "incoming-left", "incoming-right", "crossing",
+    "other" (a lane without a relation to the ego), "off-lane"."""
+    same_direction: bool
+    gap: float
+    """Bumper to bumper along the ego's lane [m]; > 0 in front, < 0 behind; 0 beside."""
+    lateral_gap: float
+    """Side to side across the lane [m]; > 0 left, < 0 right, 0 overlapping."""
+    speed: float
+    """[m/s]; NaN if the scenario does not give it."""
+    acceleration: float
+    heading: float
+    """Relative to the ego's lane [rad]."""
+    steering_angle: float | None
+    """[rad]; None if the scenario does not give it."""
+    time_to_collision: float
+    """[s]; inf if the gap does not close, NaN if the speed is unknown."""
+    in_ego_lane: bool = False
+    """The body touches the ego's lane, wherever its centre is."""
+
+
+@dataclass(frozen=True, slots=True)
+class Situation:
+    """The facts behind a prompt, for rankers that do not read text."""
+
+    scenario: str
+    road_type: str
+    country: str | None
+    weather: str | None
+    speed: float
+    acceleration: float
+    heading: float
+    """Relative to the lane [rad]."""
+    steering_angle: float
+    speed_limit: float | None
+    obstacles: tuple[ObstacleFacts, ...]
+    light: str | None
+    """State of the next light on the route, None if there is none."""
+    light_distance: float | None
+    feasible: tuple[ActionPair, ...]
+    command: str | None
+    past: tuple[ActionPair, ...]
+    lateral_offset: float = 0.0
+    """Of the ego's centre from the centre line of its lane [m]; > 0 to the left."""
+    horizon: float = 2.5
+    """Time for which a decision holds [s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Prompt:
+    """System and user text, the strict JSON schema of the answer, and the facts behind them.
+
+    `k` is the number of pairs asked for: at most as many as there are feasible ones.
+    """
+
+    system: str
+    user: str
+    schema: dict[str, Any]
+    k: int
+    longitudinal: tuple[Longitudinal, ...]
+    lateral: tuple[Lateral, ...]
+    situation: Situation
+
+    @property
+    def feasible(self) -> tuple[ActionPair, ...]:
+        """Every pair of a feasible longitudinal and a feasible lateral action."""
+        return tuple(ActionPair(lon, lat) for lon in self.longitudinal for lat in self.lateral)

@@ -1,0 +1,35 @@
+"""What is driven: a maneuver, and how far it has been proven."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sandra.actions import ActionPair
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Maneuver:
+    """What would be executed.
+
+    `kind`: "certified", "reachable" or "fail-safe". `pair` is None for a fail-safe. `states` is
+    (n, 5): x [m], y [m], heading [rad], speed [m/s], acceleration [m/s^2], one row per `dt`; the
+    acceleration of a row is that applied until the next. `note` says in words what it is, and
+    what has not been proven of it.
+    """
+
+    kind: str
+    pair: ActionPair | None
+    states: NDArray[np.float64]
+    dt: float
+    note: str
+
+    def to_dict(self) -> dict[str, str | None]:
+        """The `executed` entry of the JSON contract; a fail-safe is no action pair."""
+        return {
+            "kind": self.kind,
+            "longitudinal": self.pair.longitudinal.value if self.pair else None,
+            "lateral": self.pair.lateral.value if self.pair else None,
+        }

@@ -1,0 +1,71 @@
+"""Where the others may be: recorded, most likely, or every behaviour that assumptions allow.
+
+`predict` is the way in (paper Sec. III-E, `docs`: method 5).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from sandra.errors import SettingsError
+from sandra.prediction.checks import check_prediction, check_scene
+from sandra.prediction.most_likely import predict_trajectories
+from sandra.prediction.set_based import predict_sets
+from sandra.prediction.types import PredictedObstacle, Prediction
+from sandra.scene.types import Scene
+from sandra.settings import Settings
+
+__all__ = ["KINDS", "PredictedObstacle", "Prediction", "PredictionSource", "Predictor", "predict"]
+
+KINDS = ("recorded", "most-likely", "constant-velocity", "set-based")
+
+Predictor = Callable[[Scene, int, Settings], Prediction]
+"""A prediction of the user's own: (scene, horizon, settings) -> Prediction."""
+
+PredictionSource = str | Prediction | Predictor
+"""Whatever `predict` makes a prediction of: a kind, a finished one, or a predictor."""
+
+
+def predict(
+    scene: Scene,
+    kind: PredictionSource = "most-likely",
+    horizon: int = 25,
+    settings: Settings | None = None,
+) -> Prediction:
+    """Predict all other participants over `horizon` steps of `scene.dt`.
+
+    Args:
+        scene: the scene; its time step 0 is now.
+        kind: "recorded" (what the file holds), "most-likely" (recorded where the file has a
+            recording, else constant velocity along the lane), "constant-velocity" (along the
+            lane), "set-based" (every behaviour under `settings.assumptions`), a `Prediction`
+            made elsewhere, or a callable that makes one.
+        horizon: number of steps h >= 1.
+        settings: the assumptions of the set-based prediction; default `Settings()`.
+
+    Returns:
+        The prediction; `notes` says in words what had to be assumed.
+
+    Raises:
+        SettingsError: unknown kind, horizon < 1, or a prediction that does not fit.
+        ScenarioError: NaN or infinite values in the scene.
+    """
+    settings = settings if settings is not None else Settings()
+    if isinstance(horizon, bool) or not isinstance(horizon, int) or horizon < 1:
+        raise SettingsError(f"horizon = {horizon!r} must be an integer >= 1")
+    check_scene(scene)
+    if isinstance(kind, Prediction):
+        return check_prediction(kind, scene, horizon)
+    if callable(kind):
+        return check_prediction(kind(scene, horizon, settings), scene, horizon)
+    if kind not in KINDS:
+        raise SettingsError(f"unknown prediction {kind!r}: choose from {', '.join(KINDS)}")
+    use_recordings = kind != "constant-velocity"
+    obstacles, notes = predict_trajectories(scene, horizon, use_recordings)
+    result = Prediction(kind, scene.dt, horizon, obstacles, notes)
+    if kind == "set-based":
+        obstacles, more = predict_sets(scene, obstacles, horizon, settings)
+        notes = tuple(f"most likely trajectories: {note}" for note in notes)
+        result = replace(result, obstacles=obstacles, notes=notes + more)
+    return result

@@ -1,0 +1,165 @@
+"""Convex polygons in batches: clipping, Minkowski sums, hulls.
+
+A batch is an array (N, V, 2): N convex polygons, counter-clockwise, each padded to V vertices by
+repeating its last one. Degenerate polygons (a segment, a point) are polygons too.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+_EPS = 1e-9
+
+
+def directions(count: int, first: float = 0.0) -> Array:
+    """(count, 2) unit vectors at equal angles, the first one at angle `first` [rad]."""
+    angle = first + 2 * np.pi * np.arange(count) / count
+    return np.column_stack([np.cos(angle), np.sin(angle)])
+
+
+def convex_hull(points: Array) -> Array:
+    """(m, 2) points -> (n, 2) vertices of their hull, counter-clockwise, n >= 1."""
+    rows = sorted(set(map(tuple, points.tolist())))
+    if len(rows) <= 2:
+        return np.array(rows)
+
+    def chain(sequence: list[tuple[float, ...]]) -> list[tuple[float, ...]]:
+        out: list[tuple[float, ...]] = []
+        for p in sequence:
+            while len(out) >= 2:
+                (ax, ay), (bx, by) = out[-2], out[-1]
+                if (bx - ax) * (p[1] - ay) - (by - ay) * (p[0] - ax) > 0.0:
+                    break
+                out.pop()
+            out.append(p)
+        return out[:-1]
+
+    return np.array(chain(rows) + chain(rows[::-1]))
+
+
+def stack(polygons: list[Array]) -> Array:
+    """Polygons (n_i, 2) -> one batch (N, V, 2)."""
+    width = max(len(p) for p in polygons)
+    out = np.empty((len(polygons), width, 2))
+    for row, polygon in zip(out, polygons, strict=True):
+        row[: len(polygon)] = polygon
+        row[len(polygon) :] = polygon[-1]
+    return out
+
+
+def _compact(points: Array, keep: Mask) -> Array:
+    """Move the kept points of each row to its front; pad with the last kept one."""
+    count = keep.sum(axis=1)
+    order = np.argsort(~keep, axis=1, kind="stable")
+    column = np.minimum(np.arange(int(count.max(initial=1)))[None, :], count[:, None] - 1)
+    chosen = np.take_along_axis(order, column, axis=1)
+    compacted: Array = np.take_along_axis(points, chosen[:, :, None], axis=1)
+    return compacted
+
+
+def clip(batch: Array, normal: Array, offset: Array) -> tuple[Array, Mask]:
+    """Cut each polygon by the half-plane normal . p <= offset.
+
+    Args:
+        batch: (N, V, 2).
+        normal: (2,) or (N, 2), need not be unit vectors.
+        offset: (N,).
+
+    Returns:
+        The batch of the N' non-empty results, and the mask (N,) of rows that are left.
+    """
+    normals = np.broadcast_to(normal, (len(batch), 2))
+    excess = np.einsum("nvi,ni->nv", batch, normals) - offset[:, None]
+    inside = excess <= _EPS
+    alive = inside.any(axis=1)
+    touched = alive & ~inside.all(axis=1)
+    if not touched.any():
+        return batch[alive], alive
+    p, e, i = batch[touched], excess[touched], inside[touched]
+    q, f, j = np.roll(p, -1, axis=1), np.roll(e, -1, axis=1), np.roll(i, -1, axis=1)
+    crossing = i != j
+    share = np.where(crossing, e / np.where(crossing, e - f, 1.0), 0.0)
+    cut = p + np.clip(share, 0.0, 1.0)[:, :, None] * (q - p)
+    both = np.stack([p, cut], axis=2).reshape(len(p), -1, 2)
+    keep = np.stack([i, crossing], axis=2).reshape(len(p), -1)
+    clipped = _compact(both, keep)
+    width = max(clipped.shape[1], batch.shape[1])
+    out = np.concatenate([batch, np.repeat(batch[:, -1:], width - batch.shape[1], axis=1)], axis=1)
+    padding = np.repeat(clipped[:, -1:], width - clipped.shape[1], axis=1)
+    out[touched] = np.concatenate([clipped, padding], axis=1)
+    return out[alive], alive
+
+
+def clip_all(batch: Array, normals: Array, offsets: Array) -> tuple[Array, NDArray[np.int64]]:
+    """Cut each polygon by several half-planes: normals (J, 2), offsets (N, J).
+
+    Returns the non-empty results and the indices (N',) of their rows.
+    """
+    rows = np.arange(len(batch))
+    for j, normal in enumerate(normals):
+        if not len(rows):
+            break
+        batch, alive = clip(batch, normal, offsets[rows, j])
+        rows = rows[alive]
+    return batch, rows
+
+
+def polygon_from_support(normals: Array, offsets: Array) -> Array:
+    """(n, 2) vertices of { p : normals . p <= offsets }, bounded and not empty."""
+    size = float(np.abs(offsets).max()) * 4 + 1.0
+    box = np.array([[[-size, -size], [size, -size], [size, size], [-size, size]]])
+    batch, rows = clip_all(box, normals, offsets[None, :])
+    if not len(rows):
+        raise ValueError("the half-planes have no point in common")
+    return distinct(batch[0])
+
+
+def minkowski(batch: Array, other: Array) -> Array:
+    """Minkowski sums of each polygon (N, V, 2) with a convex polygon of its own (N, W, 2).
+
+    The edges of both, sorted by angle, are the edges of the sum; it is placed by its smallest x
+    and y, which are the sums of the operands' smallest ones.
+    """
+    edges = np.concatenate(
+        [np.roll(batch, -1, axis=1) - batch, np.roll(other, -1, axis=1) - other], axis=1
+    )
+    angle = np.mod(np.arctan2(edges[..., 1], edges[..., 0]), 2 * np.pi)
+    order = np.argsort(angle, axis=1, kind="stable")
+    edges = np.take_along_axis(edges, order[:, :, None], axis=1)
+    angle = np.take_along_axis(angle, order, axis=1)
+    corners = np.cumsum(edges, axis=1)
+    shift = batch.min(axis=1) + other.min(axis=1) - corners.min(axis=1)
+    corners = corners + shift[:, None, :]
+    # A corner between two parallel edges, or after an edge without length, is no corner.
+    turn = np.roll(angle, -1, axis=1) - angle
+    turn[:, -1] += 2 * np.pi
+    keep = turn > 1e-7
+    keep[:, 0] |= ~keep.any(axis=1)
+    return _compact(corners, keep)
+
+
+def distinct(polygon: Array) -> Array:
+    """Drop repeated vertices of one polygon (n, 2)."""
+    step = np.abs(polygon - np.roll(polygon, 1, axis=0)).max(axis=1)
+    keep = step > _EPS
+    return polygon[keep] if keep.any() else polygon[:1]
+
+
+def distances(points: Array, quads: Array) -> Array:
+    """Distance of each point (m, 2) to each convex polygon (n, v, 2): (m, n) [m]; 0 inside."""
+    a = quads[None]
+    b = np.roll(quads, -1, axis=1)[None]
+    p = points[:, None, None, :]
+    edge = b - a
+    length2 = (edge**2).sum(axis=-1)
+    along = ((p - a) * edge).sum(axis=-1) / np.where(length2 > 0, length2, 1.0)
+    foot = a + np.clip(along, 0.0, 1.0)[..., None] * edge
+    distance = np.sqrt(((p - foot) ** 2).sum(axis=-1)).min(axis=-1)
+    cross = edge[..., 0] * (p - a)[..., 1] - edge[..., 1] * (p - a)[..., 0]
+    inside = (cross >= 0.0).all(axis=-1)
+    result: Array = np.where(inside, 0.0, distance)
+    return result

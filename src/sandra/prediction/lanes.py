@@ -1,0 +1,322 @@
+"""The map as the set-based prediction needs it: lanelets cut into cells and slices.
+
+Position on a lanelet is (s, y): station s along its centre line and signed distance y from the
+centre line along the cross-section there, y > 0 to the left [m]. Cells (about 1 m) decide which
+stretch of a lanelet can be reached; slices (as long as the road is straight) become regions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sandra.errors import ScenarioError
+from sandra.prediction.geometry import convex_hull, distances
+from sandra.scene.types import Lanelet
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+CELL = 1.0
+"""Longest cell [m]."""
+EXTENSION_CELL = 4.0
+"""Longest cell beyond the end of the map [m]."""
+STRAIGHT = 0.15
+"""Borders of a slice leave its chords by at most this [m]."""
+BACKWARD_EXTENSION = 20.0
+"""How far a lanelet without predecessor is continued backwards, for long bodies [m]."""
+STATION_ERROR = 0.1
+"""Bound on the error of stations found for a point [m]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Slice:
+    """Cross-sections first..last of a strip, whose hull is nearly the strip itself."""
+
+    first: int
+    last: int
+    hull: Array
+    """(n, 2) [m]"""
+    along: Array
+    """(2,) unit vector in the direction of travel."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Strip:
+    """One lanelet with n cross-sections, continued straight on where the map ends."""
+
+    id: int
+    s: Array
+    """(n,) station of each cross-section [m]."""
+    right: Array
+    left: Array
+    centre: Array
+    across: Array
+    """(n, 2) unit vectors from right to left."""
+    half: Array
+    """(n,) half width [m]."""
+    skew: float
+    """How much of a cross-section lies along the lane [m]: a move across changes s by that."""
+    stretch: float
+    """A speed across the lane changes y at most this much faster (slanted cross-sections)."""
+    cells: Array
+    """(n-1, 4, 2) quadrilaterals [m]."""
+    slices: tuple[Slice, ...]
+    successors: tuple[int, ...]
+    predecessors: tuple[int, ...]
+    left_id: int | None
+    """The lanelet to the left, if it has the same direction."""
+    right_id: int | None
+    to_left: Array | None
+    """(n,) station on `left_id` from which on a move across at s or later arrives [m]."""
+    to_right: Array | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Place:
+    """A point on a lanelet."""
+
+    lanelet: int
+    s: float
+    y: float
+    relative_heading: float
+    """Heading relative to the lane, in (-pi, pi] [rad]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LaneMap:
+    """All lanelets by id."""
+
+    strips: dict[int, Strip]
+
+    def restricted(self, lanelets: list[int]) -> LaneMap:
+        """The same map without the other lanelets, and without the links to them."""
+        keep = set(lanelets)
+        return LaneMap(
+            {
+                i: replace(
+                    self.strips[i],
+                    successors=tuple(j for j in self.strips[i].successors if j in keep),
+                    predecessors=tuple(j for j in self.strips[i].predecessors if j in keep),
+                    left_id=self.strips[i].left_id if self.strips[i].left_id in keep else None,
+                    right_id=self.strips[i].right_id if self.strips[i].right_id in keep else None,
+                )
+                for i in lanelets
+            }
+        )
+
+    def places(self, x: float, y: float, heading: float, tolerance: float) -> list[Place]:
+        """Every lanelet that holds the point (up to `tolerance` [m])."""
+        point = np.array([[x, y]])
+        found = []
+        for strip in self.strips.values():
+            low, high = strip.cells.min(axis=(0, 1)), strip.cells.max(axis=(0, 1))
+            if (point[0] < low - tolerance).any() or (point[0] > high + tolerance).any():
+                continue
+            near = distances(point, strip.cells)[0]
+            i = int(near.argmin())
+            if near[i] > tolerance:
+                continue
+            s, offset = _locate(strip, i, point[0])
+            along = strip.centre[i + 1] - strip.centre[i]
+            relative = heading - float(np.arctan2(along[1], along[0]))
+            relative = (relative + np.pi) % (2 * np.pi) - np.pi
+            found.append(Place(strip.id, s, offset, relative))
+        return found
+
+    def reachable(self, start: Iterable[int], reversing: bool) -> list[int]:
+        """Ids in reach by successors and lanes of the same direction (and predecessors)."""
+        found = list(dict.fromkeys(start))
+        for lanelet in found:
+            strip = self.strips[lanelet]
+            onward = [*strip.successors, strip.left_id, strip.right_id]
+            onward += strip.predecessors if reversing else ()
+            found += [i for i in dict.fromkeys(onward) if i is not None and i not in found]
+        return found
+
+    def behind(self, start: Iterable[int], length: float) -> list[int]:
+        """Ids of the lanelets on which a body of this length [m] before `start` may still be."""
+        found: dict[int, float] = {}
+        todo = [(i, 0.0) for i in start]
+        while todo:
+            lanelet, way = todo.pop()
+            if way > length or found.get(lanelet, np.inf) <= way:
+                continue
+            found[lanelet] = way
+            strip = self.strips[lanelet]
+            todo += [(i, way) for i in (strip.left_id, strip.right_id) if i is not None]
+            for i in strip.predecessors:
+                todo.append((i, way + float(self.strips[i].s[-1]) if way else 1e-6))
+        return list(found)
+
+
+def _locate(strip: Strip, i: int, point: Array) -> tuple[float, float]:
+    """(s, y) of a point in cell i."""
+    before = _beyond(strip, i, point)
+    after = -_beyond(strip, i + 1, point)
+    total = before + after
+    share = min(max(before / total, 0.0), 1.0) if total > 0 else 0.0
+    s = (1 - share) * strip.s[i] + share * strip.s[i + 1]
+    centre = (1 - share) * strip.centre[i] + share * strip.centre[i + 1]
+    across = (1 - share) * strip.across[i] + share * strip.across[i + 1]
+    return float(s), float((point - centre) @ across / np.hypot(*across))
+
+
+def _beyond(strip: Strip, i: int, point: Array) -> float:
+    """Distance of a point beyond the line through cross-section i [m]."""
+    ahead = np.array([strip.across[i, 1], -strip.across[i, 0]])
+    return float((point - strip.centre[i]) @ ahead)
+
+
+def build_map(lanelets: tuple[Lanelet, ...], reach: float) -> LaneMap:
+    """Cut the lanelets into cells; `reach` [m] is how far ends of the map are continued.
+
+    Raises:
+        ScenarioError: if a border has NaN or infinite coordinates.
+    """
+    known = {lanelet.id for lanelet in lanelets}
+    strips = {lanelet.id: _strip(lanelet, known, reach) for lanelet in lanelets}
+    linked = {}
+    for i, strip in strips.items():
+        to_left = to_right = None
+        if strip.left_id is not None:
+            other = strips[strip.left_id]
+            to_left = _arrivals(strip.left, other.right, other.s)
+        if strip.right_id is not None:
+            other = strips[strip.right_id]
+            to_right = _arrivals(strip.right, other.left, other.s)
+        linked[i] = _with_links(strip, to_left, to_right)
+    return LaneMap(linked)
+
+
+def _with_links(strip: Strip, to_left: Array | None, to_right: Array | None) -> Strip:
+    return replace(strip, to_left=to_left, to_right=to_right)
+
+
+def _strip(lanelet: Lanelet, known: set[int], reach: float) -> Strip:
+    right = np.asarray(lanelet.right, dtype=float)
+    left = np.asarray(lanelet.left, dtype=float)
+    if not (np.isfinite(right).all() and np.isfinite(left).all()):
+        raise ScenarioError(
+            f"lanelet {lanelet.id}: its borders hold NaN or infinite coordinates; correct the map"
+        )
+    successors = tuple(i for i in lanelet.successors if i in known)
+    predecessors = tuple(i for i in lanelet.predecessors if i in known)
+    steps = _cell_counts(right, left, CELL)
+    if not predecessors:
+        shift = _end_direction(right[::-1], left[::-1]) * BACKWARD_EXTENSION
+        right = np.vstack([right[0] + shift, right])
+        left = np.vstack([left[0] + shift, left])
+        steps = [int(np.ceil(BACKWARD_EXTENSION / EXTENSION_CELL)), *steps]
+    if not successors and reach > 0:
+        shift = _end_direction(right, left) * reach
+        right = np.vstack([right, right[-1] + shift])
+        left = np.vstack([left, left[-1] + shift])
+        steps = [*steps, int(np.ceil(reach / EXTENSION_CELL))]
+    knots = np.concatenate([[0.0], *(i + (np.arange(n) + 1) / n for i, n in enumerate(steps))])
+    original = np.arange(len(right))
+    right = np.column_stack([np.interp(knots, original, right[:, i]) for i in (0, 1)])
+    left = np.column_stack([np.interp(knots, original, left[:, i]) for i in (0, 1)])
+    centre = (right + left) / 2
+    s = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(centre, axis=0), axis=1))])
+    tangent = np.gradient(centre, axis=0)
+    tangent /= np.maximum(np.linalg.norm(tangent, axis=1), 1e-12)[:, None]
+    width = np.linalg.norm(left - right, axis=1)
+    sideways = np.column_stack([-tangent[:, 1], tangent[:, 0]])
+    across = np.where(
+        width[:, None] > 1e-6, (left - right) / np.maximum(width, 1e-6)[:, None], sideways
+    )
+    upright = np.clip((across * sideways).sum(axis=1), 0.2, 1.0)
+    cells = np.stack([right[:-1], right[1:], left[1:], left[:-1]], axis=1)
+    same = (lanelet.adjacent_left, lanelet.adjacent_right)
+    left_id, right_id = (a[0] if a and a[1] and a[0] in known else None for a in same)
+    return Strip(
+        id=lanelet.id,
+        s=s,
+        right=right,
+        left=left,
+        centre=centre,
+        across=across,
+        half=width / 2,
+        skew=float(np.abs(((left - right) * tangent).sum(axis=1)).max()),
+        stretch=float(1.0 / upright.min()),
+        cells=cells,
+        slices=tuple(_slices(right, left)),
+        successors=successors,
+        predecessors=predecessors,
+        left_id=left_id,
+        right_id=right_id,
+        to_left=None,
+        to_right=None,
+    )
+
+
+def _cell_counts(right: Array, left: Array, longest: float) -> list[int]:
+    sides = [np.linalg.norm(np.diff(side, axis=0), axis=1) for side in (right, left)]
+    return [max(1, int(n)) for n in np.ceil(np.maximum(*sides) / longest)]
+
+
+def _end_direction(right: Array, left: Array) -> Array:
+    """Unit vector straight on from the end of a lanelet."""
+    centre = (right + left) / 2
+    length = np.linalg.norm(centre - centre[-1], axis=1)
+    far = np.nonzero(length > 0.5)[0]
+    start = int(far[-1]) if len(far) else 0
+    along = centre[-1] - centre[start]
+    unit: Array = along / max(float(np.hypot(*along)), 1e-12)
+    return unit
+
+
+def _slices(right: Array, left: Array) -> list[Slice]:
+    """Greedy: each slice as long as both borders stay within STRAIGHT of their chords."""
+    slices = []
+    first, n = 0, len(right)
+    while first < n - 1:
+        last = first + 1
+        step = 1
+        # Gallop, then narrow down: few tests also on long straight lanelets.
+        while last + step < n and _is_straight(right, left, first, last + step):
+            last += step
+            step *= 2
+        while step:
+            if last + step < n and _is_straight(right, left, first, last + step):
+                last += step
+            step //= 2
+        hull = convex_hull(np.vstack([right[first : last + 1], left[first : last + 1]]))
+        along = (right[last] + left[last] - right[first] - left[first]) / 2
+        length = float(np.hypot(*along))
+        unit = along / length if length > 0 else np.array([1.0, 0.0])
+        slices.append(Slice(first, last, hull, unit))
+        first = last
+    return slices
+
+
+def _is_straight(right: Array, left: Array, first: int, last: int) -> bool:
+    for side in (right, left):
+        chord = side[last] - side[first]
+        length = float(np.hypot(*chord))
+        inner = side[first + 1 : last] - side[first]
+        if length < 1e-9:
+            return False
+        away = np.abs(chord[0] * inner[:, 1] - chord[1] * inner[:, 0]) / length
+        if away.max(initial=0.0) > STRAIGHT:
+            return False
+    return True
+
+
+def _arrivals(border: Array, other_border: Array, other_s: Array) -> Array:
+    """(n,) smallest station on the other lanelet of the border points i, i+1, ... [m]."""
+    a, b = other_border[:-1], other_border[1:]
+    edge = b - a
+    length2 = np.maximum((edge**2).sum(axis=1), 1e-12)
+    relative = border[:, None, :] - a[None]
+    share = np.clip((relative * edge).sum(axis=2) / length2, 0.0, 1.0)
+    gap = relative - share[..., None] * edge
+    nearest = (gap**2).sum(axis=2).argmin(axis=1)
+    row = np.arange(len(border))
+    step = np.diff(other_s)[nearest]
+    s = other_s[nearest] + share[row, nearest] * step
+    return np.asarray(np.minimum.accumulate(s[::-1])[::-1])

@@ -1,0 +1,102 @@
+"""What bounded acceleration and speed allow: positions, arc lengths and headings.
+
+A participant is a point with |a| <= a_max and |v| <= v_max in any direction (Koschi & Althoff
+2020, acceleration-based occupancy), and a body around it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sandra.prediction.geometry import directions, polygon_from_support
+from sandra.scene.types import Region, State
+
+Array = NDArray[np.float64]
+
+MARGIN = 0.01
+"""Every body grows by this much, against rounding and hairline gaps in maps [m]."""
+POSITION_DIRECTIONS = 16
+BODY_DIRECTIONS = 8
+
+
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """Bounds on one participant's motion [m/s^2, m/s, m, rad]; `speed` None where unknown."""
+
+    a_max: float
+    v_max: float
+    speed: float | None
+    turning_radius: float = 0.0
+    slip: float = 0.0
+
+
+def travelled(speed: Array, a_max: float, v_max: float, t: Array) -> Array:
+    """Farthest way in t with v' = a_max from `speed` up to `v_max`, broadcast [m]."""
+    speeding_up = np.minimum((v_max - speed) / a_max, t) if a_max > 0 else t
+    ended: Array = speed * speeding_up + a_max / 2 * speeding_up**2 + v_max * (t - speeding_up)
+    return ended
+
+
+def position_offsets(state: State, bounds: Bounds, t: Array, normals: Array) -> Array:
+    """Support of the positions reachable at each time, (K, J): normal . p <= offset.
+
+    Exact for the worst input in each direction: v . n grows with a_max up to v_max.
+    """
+    centre = normals @ np.array([state.x, state.y])
+    if bounds.speed is None:
+        return np.asarray(centre[None, :] + bounds.v_max * t[:, None])
+    velocity = bounds.speed * np.array([math.cos(state.heading), math.sin(state.heading)])
+    along = normals @ velocity
+    return np.asarray(
+        centre[None, :] + travelled(along[None, :], bounds.a_max, bounds.v_max, t[:, None])
+    )
+
+
+def heading_change(bounds: Bounds, t: Array) -> Array:
+    """How far the body may have turned from its observed heading by each time, (K,) [rad].
+
+    Two bounds hold: turning needs arc length (minimum turning radius); and the direction of the
+    velocity leaves that of v_0 by at most asin(a t / v_0), the slip angle added.
+    """
+    if bounds.turning_radius <= 0.0:
+        return np.where(t > 0, np.pi, 0.0)
+    if bounds.speed is None:
+        return np.minimum(bounds.v_max * t / bounds.turning_radius, np.pi)
+    speed = abs(bounds.speed)
+    arc = travelled(np.array(speed), bounds.a_max, bounds.v_max, t)
+    by_arc = arc / bounds.turning_radius
+    ratio = bounds.a_max * t / speed if speed > 0 else np.full_like(t, np.inf)
+    by_velocity = np.where(ratio < 1, np.arcsin(np.minimum(ratio, 1.0)) + bounds.slip, np.pi)
+    return np.asarray(np.minimum(np.minimum(by_arc, by_velocity), np.pi))
+
+
+def bodies(outline: Region, heading: float, turned: Array) -> list[Array]:
+    """Convex polygons that hold the outline at every heading within +-turned of `heading`.
+
+    Args:
+        turned: (K,) [rad].
+
+    Returns:
+        K polygons around the origin, counter-clockwise; the radius of the outline included.
+    """
+    corner = outline.vertices
+    reach = np.hypot(corner[:, 0], corner[:, 1])
+    bearing = np.arctan2(corner[:, 1], corner[:, 0])
+    angle = 2 * np.pi * np.arange(BODY_DIRECTIONS) / BODY_DIRECTIONS
+    away = np.abs(np.mod(angle[:, None] - bearing[None, :] + np.pi, 2 * np.pi) - np.pi)
+    world = directions(BODY_DIRECTIONS, heading)
+    found = []
+    for limit in turned.tolist():
+        support = (reach * np.cos(np.maximum(away - limit, 0.0))).max(axis=1)
+        offsets = support + outline.radius + MARGIN
+        found.append(polygon_from_support(world, offsets))
+    return found
+
+
+def circumscribed(outline: Region) -> float:
+    """Radius around the reference point that holds the body at every heading [m]."""
+    return float(np.hypot(*outline.vertices.T).max()) + outline.radius

@@ -1,0 +1,16 @@
+"""Prompt -> Ranking: who proposes, and in which order the verifier looks."""
+
+from sandra.rankers.answer import parse_answer
+from sandra.rankers.registry import CHOICES, as_ranker, ask, create
+from sandra.rankers.types import Failure, Ranker, Ranking
+
+__all__ = [
+    "CHOICES",
+    "Failure",
+    "Ranker",
+    "Ranking",
+    "as_ranker",
+    "ask",
+    "create",
+    "parse_answer",
+]

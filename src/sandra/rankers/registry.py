@@ -1,0 +1,116 @@
+"""From a short text to a ranker: `openai:gpt-4o`, `rules`, `random:7`, `replay:FILE`, ..."""
+
+from __future__ import annotations
+
+import importlib
+import re
+from collections.abc import Callable
+
+from sandra.describe.types import Prompt
+from sandra.errors import RankerError
+from sandra.rankers import replay
+from sandra.rankers.chat import DEADLINE, ChatRanker
+from sandra.rankers.rules import RulesRanker
+from sandra.rankers.simple import Answer, ExhaustiveRanker, PlugIn, RandomRanker, plug_in
+from sandra.rankers.types import Ranker, Ranking
+
+CHOICES = (
+    "openai:MODEL, rules, random[:SEED], exhaustive, replay:FILE[#column=value], "
+    "or module:attribute of your own"
+)
+_OWN = (ChatRanker, RulesRanker, RandomRanker, ExhaustiveRanker, replay.ReplayRanker)
+_IMPORT = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_][\w.]*")
+
+
+def create(
+    spec: str,
+    *,
+    base_url: str | None = None,
+    deadline: float = DEADLINE,
+    temperature: float | None = None,
+    seed: int | None = None,
+) -> Ranker:
+    """Make a ranker.
+
+    Args:
+        spec: one of `CHOICES`. `module:attribute` is imported: a class (made without arguments),
+            an object with `rank(prompt, deadline)`, or a function of a prompt.
+        base_url: of an OpenAI-compatible server, for `openai:`.
+        deadline: wall-clock time for one ranking [s], for `openai:` and for plug-ins.
+        temperature: for `openai:`; not sent if None.
+        seed: for `openai:` (not sent if None), and for `random` without a seed of its own.
+
+    Raises:
+        RankerError: unknown spec, missing key, unreadable recording, or a plug-in that cannot be
+            imported.
+    """
+    kind, colon, rest = spec.strip().partition(":")
+    if kind == "openai":
+        return ChatRanker(
+            rest, base_url=base_url, deadline=deadline, temperature=temperature, seed=seed
+        )
+    if kind == "random":
+        return RandomRanker(_seed(rest) if colon else seed or 0)
+    if kind == "replay" and rest:
+        return replay.load(rest)
+    if spec.strip() == "rules":
+        return RulesRanker()
+    if spec.strip() == "exhaustive":
+        return ExhaustiveRanker()
+    if _IMPORT.fullmatch(spec.strip()) and kind not in ("rules", "exhaustive", "replay"):
+        return _imported(kind, rest, deadline)
+    raise RankerError(f"unknown ranker '{spec}': choose from {CHOICES}")
+
+
+def as_ranker(thing: str | Ranker | Callable[..., Answer]) -> Ranker:
+    """A ranker from a spec, one of ours, or anything of the user's that ranks.
+
+    What is not ours is wrapped (`PlugIn`), so that it keeps to the protocol whatever it does.
+
+    Raises:
+        RankerError: see `create`; or the thing cannot rank.
+    """
+    if isinstance(thing, str):
+        return create(thing)
+    return thing if isinstance(thing, (*_OWN, PlugIn)) else plug_in(thing)
+
+
+def ask(
+    ranker: str | Ranker | Callable[..., Answer], prompt: Prompt, deadline: float | None = None
+) -> Ranking:
+    """One ranking from anything that `as_ranker` takes; nothing but `RankerError` is raised."""
+    return as_ranker(ranker).rank(prompt, deadline)
+
+
+def _seed(text: str) -> int:
+    try:
+        return int(text)
+    except ValueError:
+        raise RankerError(
+            f"random: '{text}' is no seed; write an integer, as in random:7"
+        ) from None
+
+
+def _imported(module: str, attribute: str, deadline: float) -> Ranker:
+    spec = f"{module}:{attribute}"
+    try:
+        thing: object = importlib.import_module(module)
+        for part in attribute.split("."):
+            thing = getattr(thing, part)
+    except (ImportError, AttributeError) as error:
+        raise RankerError(
+            f"ranker '{spec}' cannot be imported ({error}); its module must be installed or on "
+            f"PYTHONPATH, else choose from {CHOICES}"
+        ) from None
+    if isinstance(thing, type):
+        try:
+            thing = thing()
+        except TypeError as error:
+            raise RankerError(
+                f"ranker '{spec}' cannot be made without arguments ({error})"
+            ) from None
+    if isinstance(thing, Ranker) or callable(thing):
+        return plug_in(thing, spec, deadline)
+    raise RankerError(
+        f"ranker '{spec}' is a {type(thing).__name__}; it needs a method rank(prompt, deadline)"
+    )

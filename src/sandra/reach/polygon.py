@@ -1,0 +1,170 @@
+"""Convex polygons in a position-velocity plane, in plain Python.
+
+A polygon is a list of (x, y) corners in counter-clockwise order; one corner is a point and two are
+a segment. Every rounding goes outwards: a cut keeps what lies up to `EPS` beyond its line.
+"""
+
+from __future__ import annotations
+
+from math import inf
+
+Point = tuple[float, float]
+Polygon = list[Point]
+
+EPS = 1e-9
+"""Outward tolerance of a cut [m or m/s]; far above rounding errors, far below any vehicle."""
+
+MAX_CORNERS = 16
+"""Above this number of corners, edges are dropped outwards."""
+
+
+def hull(points: list[Point]) -> Polygon:
+    """The convex hull, by Andrew's monotone chain."""
+    points = sorted(set(points))
+    if len(points) < 3:
+        return points
+    lower = _chain(points)
+    upper = _chain(points[::-1])
+    return lower[:-1] + upper[:-1]
+
+
+def _chain(points: list[Point]) -> Polygon:
+    chain: Polygon = []
+    for x, y in points:
+        while len(chain) > 1:
+            (ax, ay), (bx, by) = chain[-2], chain[-1]
+            if (bx - ax) * (y - ay) - (by - ay) * (x - ax) > 0.0:
+                break
+            chain.pop()
+        chain.append((x, y))
+    return chain
+
+
+def cut(polygon: Polygon, a: float, b: float, c: float) -> Polygon:
+    """The part with a x + b y <= c (+ EPS); empty if there is none."""
+    c += EPS
+    sides = [a * x + b * y - c for x, y in polygon]
+    if max(sides) <= 0.0:
+        return polygon
+    if min(sides) > 0.0:
+        return []
+    kept: Polygon = []
+    n = len(polygon)
+    for i in range(n):
+        j = i + 1 if i + 1 < n else 0
+        here, there = sides[i], sides[j]
+        if here <= 0.0:
+            kept.append(polygon[i])
+        if (here <= 0.0) != (there <= 0.0) and here != 0.0 and there != 0.0:
+            t = here / (here - there)
+            (x, y), (u, w) = polygon[i], polygon[j]
+            kept.append((x + t * (u - x), y + t * (w - y)))
+    if n == 2:
+        return kept[:2]
+    return kept
+
+
+def cut_x(polygon: Polygon, low: float, high: float) -> Polygon:
+    """The part with low <= x <= high."""
+    if polygon and low > -inf:
+        polygon = cut(polygon, -1.0, 0.0, -low)
+    if polygon and high < inf:
+        polygon = cut(polygon, 1.0, 0.0, high)
+    return polygon
+
+
+def cut_y(polygon: Polygon, low: float, high: float) -> Polygon:
+    """The part with low <= y <= high."""
+    if polygon and low > -inf:
+        polygon = cut(polygon, 0.0, -1.0, -low)
+    if polygon and high < inf:
+        polygon = cut(polygon, 0.0, 1.0, high)
+    return polygon
+
+
+def propagate(polygon: Polygon, low: float, high: float, dt: float) -> Polygon:
+    """Every (x, v) a double integrator reaches from `polygon` after dt with inputs in [low, high].
+
+    The input may vary in any way within the step. Its response from rest is a lens between two
+    parabolas; the parallelogram of the tangents at the lens' two tips encloses it, and its edges
+    (dt, 1) and (0, 1) recur from step to step, so that a free set gains two edges per step.
+    Söntges & Althoff 2018, Sec. III.
+    """
+    x0, v0 = low * dt * dt / 2, low * dt
+    span = (high - low) * dt
+    moved = [(x + v * dt + x0, v + v0) for x, v in polygon]
+    if span <= 0.0:
+        return limit_corners(hull(moved))
+    half = span / 2
+    steps = ((0.0, 0.0), (half * dt, half), (half * dt, span), (0.0, half))
+    return limit_corners(hull([(x + p, v + q) for x, v in moved for p, q in steps]))
+
+
+def limit_corners(polygon: Polygon) -> Polygon:
+    """At most `MAX_CORNERS` corners; an edge is dropped by extending its two neighbours outwards.
+
+    The edge whose removal adds the least area goes first.
+    """
+    while len(polygon) > MAX_CORNERS:
+        best, at, corner = inf, -1, (0.0, 0.0)
+        n = len(polygon)
+        for i in range(n):
+            gain, point = _extension(
+                polygon[i - 1], polygon[i], polygon[(i + 1) % n], polygon[(i + 2) % n]
+            )
+            if gain < best:
+                best, at, corner = gain, i, point
+        if at < 0:
+            return polygon
+        if at + 1 < n:
+            polygon = [*polygon[:at], corner, *polygon[at + 2 :]]
+        else:
+            polygon = [corner, *polygon[1:at]]
+    return polygon
+
+
+def _extension(p: Point, q: Point, r: Point, t: Point) -> tuple[float, Point]:
+    """Area added, and new corner, when edge q-r is replaced by extending p-q and t-r."""
+    ux, uy = q[0] - p[0], q[1] - p[1]
+    wx, wy = r[0] - t[0], r[1] - t[1]
+    cross = ux * wy - uy * wx
+    # The extensions meet beyond the edge only if the two neighbours turn by less than pi.
+    if cross >= -1e-12:
+        return inf, q
+    lam = ((r[0] - q[0]) * wy - (r[1] - q[1]) * wx) / cross
+    if lam < 0.0:
+        return inf, q
+    x, y = q[0] + lam * ux, q[1] + lam * uy
+    area = abs((r[0] - q[0]) * (y - q[1]) - (r[1] - q[1]) * (x - q[0])) / 2
+    return area, (x, y)
+
+
+def range_x(polygon: Polygon) -> tuple[float, float]:
+    """(min x, max x)."""
+    xs = [p[0] for p in polygon]
+    return min(xs), max(xs)
+
+
+def range_y(polygon: Polygon) -> tuple[float, float]:
+    """(min y, max y)."""
+    ys = [p[1] for p in polygon]
+    return min(ys), max(ys)
+
+
+def contains(polygon: Polygon, x: float, y: float, tolerance: float = 1e-6) -> bool:
+    """Whether (x, y) lies in the polygon, up to `tolerance`."""
+    if len(polygon) == 1:
+        return abs(x - polygon[0][0]) <= tolerance and abs(y - polygon[0][1]) <= tolerance
+    for i, (qx, qy) in enumerate(polygon):
+        px, py = polygon[i - 1]
+        ex, ey = qx - px, qy - py
+        size = abs(ex) + abs(ey)
+        if ex * (y - py) - ey * (x - px) < -tolerance * size:
+            return False
+    if len(polygon) == 2:
+        low, high = range_x(polygon)
+        down, up = range_y(polygon)
+        return (
+            low - tolerance <= x <= high + tolerance and down - tolerance <= y <= up + tolerance
+        )
+    return True

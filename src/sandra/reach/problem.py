@@ -1,0 +1,54 @@
+"""What the kernel is given, free of maps and formulas: polygons, masks, pieces and moves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from sandra.reach.lattice import Lattice, Mask
+from sandra.reach.moves import Interval, Literal, Moves
+from sandra.reach.polygon import Polygon
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """A part of the state space in which a literal may hold.
+
+    `box` = (s_low, s_high, d_low, d_high) [m], infinite where unbounded; `cuts` are half-planes
+    (a, b, c): a s + b v_s <= c.
+    """
+
+    box: tuple[float, float, float, float]
+    cuts: tuple[tuple[float, float, float], ...] = ()
+
+
+Union = tuple[Piece, ...]
+"""The union of its pieces."""
+
+Region = tuple[Union, ...]
+"""An intersection of unions; no unions at all: everywhere."""
+
+Regions = Callable[[Literal, int, Polygon, Polygon], Region]
+"""(literal, step, (s, v_s) polygon, (d, v_d) polygon) -> where, within these polygons, the literal
+may hold. Over-approximates: a state outside it makes the literal false for sure."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Problem:
+    """One reachability problem: method, Sec. "Reachable set".
+
+    `lon` (s, v_s) and `lat` (d, v_d) are the initial polygons [m, m/s]. `forbidden[k]` marks
+    cells in which the body collides for sure at step k, wherever in the cell its centre is.
+    """
+
+    dt: float
+    horizon: int
+    lon: Polygon
+    lat: Polygon
+    a_lat: Interval
+    v_lon: Interval
+    v_lat: Interval
+    lattice: Lattice
+    forbidden: tuple[Mask, ...]
+    moves: Moves
+    regions: Regions

@@ -1,0 +1,157 @@
+"""The scene with time upwards: sets, occupancies and the trajectory as a stack of slices."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from sandra.planning.types import Maneuver
+from sandra.prediction.types import PredictedObstacle
+from sandra.view import palette
+from sandra.view.lettering import FAMILY, font
+from sandra.view.shapes import Array, View, Window, clipped, polygons, touches
+
+if TYPE_CHECKING:
+    import shapely
+
+SLICES = 13
+"""So many steps of the sets are drawn as slices."""
+OCCUPANCY_SLICES = 7
+MOST_OBSTACLES = 12
+"""So many of the others that are nearest to the ego are drawn."""
+ELEVATION, AZIMUTH = 26.0, -118.0
+"""Where the reader stands: behind the ego and to its right [degrees]."""
+
+
+def draw_stack(
+    ax: Any,
+    view: View,
+    window: Window,
+    positions: list[shapely.Geometry],
+    horizon: int,
+    obstacles: tuple[PredictedObstacle, ...],
+    maneuver: Maneuver | None,
+    colours: Any,
+) -> None:
+    """Draw into 3-D axes; the upward axis is the time step."""
+    from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
+
+    faces: list[Array] = []
+    fills: list[tuple[float, ...]] = []
+    edges: list[tuple[float, ...]] = []
+
+    for k in _slices(horizon, OCCUPANCY_SLICES):
+        fill = (*palette.faded(palette.OCCUPANCY, 0.25), 0.16)
+        edge = (*palette.faded(palette.OCCUPANCY, 0.0), 0.55)
+        for obstacle in _nearest(view, obstacles):
+            if k < len(obstacle.at):
+                _add(faces, view.occupancy(obstacle, k), window, k)
+        fills += [fill] * (len(faces) - len(fills))
+        edges += [edge] * (len(faces) - len(edges))
+    for k in _slices(horizon, SLICES):
+        if k < len(positions):
+            rgb = colours(k / max(1, horizon))[:3]
+            _add(faces, positions[k], window, k)
+            fills += [(*rgb, 0.5)] * (len(faces) - len(fills))
+            edges += [(*(0.7 * c for c in rgb), 0.9)] * (len(faces) - len(edges))
+    ax.computed_zorder = False
+    _draw_floor(ax, view, window)
+    if faces:
+        ax.add_collection3d(
+            Poly3DCollection(
+                faces, facecolors=fills, edgecolors=edges, linewidths=0.4, zorder=2.0
+            ),
+            autolim=False,
+        )
+    ego = polygons(clipped(view.body(view.scene.ego.outline, _pose(view)), window))
+    for polygon in ego:
+        ring = _lifted(np.asarray(polygon.exterior.coords), 0.0)
+        ax.add_collection3d(
+            Poly3DCollection([ring], facecolors=palette.EGO, edgecolors="none", zorder=1.5),
+            autolim=False,
+        )
+    if maneuver is not None:
+        line = view.points(maneuver.states[: horizon + 1])
+        path = np.column_stack([line, np.arange(len(line))])
+        colour = palette.FAIL_SAFE if maneuver.pair is None else palette.TRAJECTORY
+        ax.add_collection3d(
+            Line3DCollection([path], colors=[colour], linewidths=1.8, zorder=3.0), autolim=False
+        )
+    _finish(ax, window, horizon)
+
+
+def _pose(view: View) -> tuple[float, float, float]:
+    state = view.scene.ego.state
+    return state.x, state.y, state.heading
+
+
+def _slices(horizon: int, count: int) -> list[int]:
+    return sorted({round(k) for k in np.linspace(0, horizon, count)})
+
+
+def _nearest(view: View, obstacles: tuple[PredictedObstacle, ...]) -> list[PredictedObstacle]:
+    def distance(o: PredictedObstacle) -> float:
+        state = o.obstacle.state
+        x, y = view.points(np.array([[state.x, state.y]]))[0]
+        return float(np.hypot(x, y)) if np.isfinite([x, y]).all() else np.inf
+
+    return sorted(obstacles, key=lambda o: (distance(o), o.obstacle.id))[:MOST_OBSTACLES]
+
+
+def _add(faces: list[Array], shape: shapely.Geometry, window: Window, z: float) -> None:
+    for polygon in polygons(clipped(shape, window)):
+        faces.append(_lifted(np.asarray(polygon.simplify(0.03).exterior.coords), z))
+
+
+def _lifted(ring: Array, z: float) -> Array:
+    return np.column_stack([ring[:, 0], ring[:, 1], np.full(len(ring), float(z))])
+
+
+def _draw_floor(ax: Any, view: View, window: Window) -> None:
+    """Lanelets on the ground plane."""
+    import shapely
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+    current = set(view.scene.current.lanelets)
+    faces: list[Array] = []
+    fills: list[str] = []
+    for lanelet in view.scene.lanelets:
+        outline = view.points(np.vstack([lanelet.right, lanelet.left[::-1]]))
+        if not touches(window, outline):
+            continue
+        for polygon in polygons(clipped(shapely.Polygon(outline), window)):
+            faces.append(_lifted(np.asarray(polygon.exterior.coords), 0.0))
+            fills.append(palette.CURRENT_LANE if lanelet.id in current else palette.LANE)
+    if faces:
+        ax.add_collection3d(
+            Poly3DCollection(
+                faces, facecolors=fills, edgecolors=palette.BORDER, linewidths=0.4, zorder=1.0
+            ),
+            autolim=False,
+        )
+
+
+def _finish(ax: Any, window: Window, horizon: int) -> None:
+    from matplotlib.ticker import MaxNLocator
+
+    wide, deep = window[1] - window[0], window[3] - window[2]
+    ax.set_xlim(window[0], window[1])
+    ax.set_ylim(window[2], window[3])
+    ax.set_zlim(0, max(1, horizon))
+    # Lengths on the ground stay true to each other; the height is for the eye.
+    longest = max(wide, deep)
+    ax.set_box_aspect((wide / longest, max(deep / longest, 0.25), 0.62), zoom=1.12)
+    ax.view_init(elev=ELEVATION, azim=AZIMUTH)
+    ax.set_proj_type("persp", focal_length=0.6)
+    for axis, count, label in (
+        (ax.xaxis, 6, "ahead [m]"),
+        (ax.yaxis, 3, "left [m]"),
+        (ax.zaxis, 5, "time step"),
+    ):
+        axis.set_major_locator(MaxNLocator(count, integer=True))
+        axis.set_label_text(label, fontproperties=font(7.5), color=palette.FAINT_INK)
+        axis.set_pane_color((1.0, 1.0, 1.0, 0.0))
+        axis.line.set_color(palette.BORDER)
+        axis._axinfo["grid"].update({"color": palette.RULE, "linewidth": 0.4})
+    ax.tick_params(labelsize=6.5, labelfontfamily=FAMILY, labelcolor=palette.FAINT_INK, pad=0)
