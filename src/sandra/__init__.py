@@ -1,11 +1,11 @@
 """SanDRA: safe decisions of large language models for automated vehicles, by reachability analysis.
 
-    import sandra
+import sandra
 
-    scene = sandra.load("scenario.xml")
-    decision = sandra.decide(scene, ranker="rules", command="drive faster")
-    print(decision)
-    decision.figure("decision.png")
+scene = sandra.load("scenario.xml")
+decision = sandra.decide(scene, ranker="rules", command="drive faster")
+print(decision)
+decision.figure("decision.png")
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from sandra.prediction import Prediction, predict
     from sandra.rankers import Ranking
     from sandra.reach import ReachableSet, Status, Verdict, Verdicts, verify
-    from sandra.scene import Scene, load
     from sandra.scenarios import example, examples
+    from sandra.scene import Scene, load
     from sandra.settings import Assumptions, Settings
 
 __version__ = "0.1.0"
@@ -59,7 +59,35 @@ _HOME = {
     "verify": "sandra.reach",
 }
 
-__all__ = [*_HOME, "__version__"]  # noqa: PLE0604  the names are the keys
+__all__ = [
+    "ALL_PAIRS",
+    "ActionPair",
+    "Assumptions",
+    "Decision",
+    "Lateral",
+    "Longitudinal",
+    "Prediction",
+    "Prompt",
+    "Ranking",
+    "ReachableSet",
+    "SandraError",
+    "Scene",
+    "Settings",
+    "Status",
+    "Verdict",
+    "Verdicts",
+    "Vocabulary",
+    "__version__",
+    "decide",
+    "example",
+    "examples",
+    "load",
+    "parse",
+    "predict",
+    "prompt",
+    "specification",
+    "verify",
+]
 
 
 def __getattr__(name: str) -> Any:

@@ -159,9 +159,7 @@ def decide(
     clock = _Clock(progress)
 
     clock.start("describe")
-    prompt = describe(
-        scene, command, past, rules=rules, rule_prompt=rule_prompt, settings=settings
-    )
+    prompt = describe(scene, command, past, rules=rules, rule_prompt=rule_prompt, settings=settings)
     clock.start("rank")
     ranking = ask(asked, prompt, deadline)
     clock.start("predict")

@@ -168,15 +168,15 @@ class Settings:
             text = Path(path).read_text(encoding="utf-8")
             data = tomllib.loads(text)
         except OSError as error:
-            raise SettingsError(f"{path}: cannot be read ({error.strerror}); check the path") from None
+            raise SettingsError(
+                f"{path}: cannot be read ({error.strerror}); check the path"
+            ) from None
         except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
             raise SettingsError(f"{path}: not a TOML file ({error})") from None
         import pydantic
 
         try:
-            adapter = pydantic.TypeAdapter(
-                Settings, config=None
-            )
+            adapter = pydantic.TypeAdapter(Settings, config=None)
             _reject_unknown(data, path)
             return adapter.validate_python(data)
         except pydantic.ValidationError as error:

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from straight_road import WIDTH, Road
 
 from sandra.actions import ALL_PAIRS, ActionPair, Lateral, Longitudinal
 from sandra.describe import Prompt, describe, render
 from sandra.describe.templates import say, sentences
 from sandra.scene.types import Region, Scene, TrafficLight, TrafficSign
 from sandra.settings import Settings
+from straight_road import WIDTH, Road
 
 ROAD = Road(1.1, 30.0, -20.0)
 
@@ -22,14 +22,14 @@ ROAD = Road(1.1, 30.0, -20.0)
 def full_scene() -> Scene:
     """Something of every category."""
     return ROAD.scene(
-        ROAD.obstacle(5, 24.5, 0.0, 8.0),
-        ROAD.obstacle(6, -30.0, WIDTH, 12.0),
-        ROAD.obstacle(7, 1.0, -WIDTH, 10.0, kind="truck"),
-        ROAD.obstacle(8, 60.0, 2 * WIDTH, 14.0, math.pi),
-        ROAD.obstacle(9, 30.0, -6.0, 1.4, math.pi / 2, "pedestrian", Region.disc(0.3)),
-        ROAD.obstacle(10, 40.0, -2.2, kind="parkedVehicle", is_static=True),
+        ROAD.obstacle(5, 24.52, 0.0, 8.0),
+        ROAD.obstacle(6, -30.1, WIDTH, 12.0),
+        ROAD.obstacle(7, 1.0, -WIDTH - 0.12, 10.0, kind="truck"),
+        ROAD.obstacle(8, 60.1, 2 * WIDTH, 14.0, math.pi),
+        ROAD.obstacle(9, 30.2, -6.02, 1.4, math.pi / 2, "pedestrian", Region.disc(0.3)),
+        ROAD.obstacle(10, 40.1, -2.22, kind="parkedVehicle", is_static=True),
         lanes=(*ROAD.three_lanes(), ROAD.lane("opposite", 2, reverse=True, side="left")),
-        d=0.5,
+        d=0.48,
         lights=(TrafficLight(1, "red", 35.0), TrafficLight(2, "red", 35.0)),
         signs=(
             TrafficSign(3, "max_speed", ("8.33",), 50.0),

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from straight_road import WIDTH, Road
 
 from sandra.describe.facts import MOST, obstacle_facts, relevant
 from sandra.describe.relations import inside
 from sandra.scene.types import Region
+from straight_road import WIDTH, Road
 
 ANGLES = st.floats(-math.pi, math.pi)
 

@@ -4,12 +4,12 @@ from typing import Any
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from straight_road import Road
 
 from sandra.actions import ALL_PAIRS
 from sandra.describe import describe
 from sandra.rankers import Failure, Ranking, parse_answer
 from sandra.rankers.answer import MAX_ANSWER
+from straight_road import Road
 
 ROAD = Road()
 PROMPT = describe(ROAD.scene(lanes=(ROAD.lane("current", 0), ROAD.lane("left", 1))))
@@ -35,7 +35,7 @@ def names(ranking: Ranking) -> list[tuple[str, str]]:
         text(*GOOD),
         "  \n" + text(*GOOD) + "\n\n",
         "```json\n" + text(*GOOD) + "\n```",
-        "<think>Maybe {this} or {\"a\": 1}?</think>\nHere it is: " + text(*GOOD) + " Drive safely!",
+        '<think>Maybe {this} or {"a": 1}?</think>\nHere it is: ' + text(*GOOD) + " Drive safely!",
         text(("stop", "follow-lane")) + "\nNo, better:\n" + text(*GOOD),
         text(("KEEP", "follow_lane"), ("Decelerate", "FOLLOW-LANE"), ("keep", "left")),
     ],

@@ -16,13 +16,14 @@ from numpy.typing import NDArray
 from sandra.actions import ActionPair
 from sandra.planning.types import Maneuver
 from sandra.reach import BaseSet, Polygon, ReachableSet
+from sandra.reach.polygon import area, half_planes, intersection, propagate
 from sandra.scene.types import Scene
 from sandra.settings import Settings
 
 Array = NDArray[np.float64]
 
-MOST_CHAINS = 20
-"""So many chains of base sets are tried."""
+MOST_SETS = 3000
+"""So many base sets are looked at in search of a chain."""
 
 
 def in_corridor(
@@ -34,7 +35,7 @@ def in_corridor(
     """
     if corridor.first_empty_step is not None:
         return None
-    for chain in _chains(corridor):
+    for chain in _chains(scene, corridor, settings):
         inputs = np.array([b.inputs for b in chain[:-1]])
         lon = _smoothest([b.lon for b in chain], inputs, scene.dt)
         if lon is None:
@@ -50,28 +51,46 @@ def in_corridor(
     return None
 
 
-def _chains(corridor: ReachableSet) -> Iterator[list[BaseSet]]:
-    """Chains from the last step back to the first, large sets first, depth first."""
-    tried = 0
-    last = len(corridor.steps) - 1
-    stack = [(last, (i,)) for i in _by_size(corridor, last, range(len(corridor.steps[last])))]
-    stack.reverse()
-    while stack and tried < MOST_CHAINS:
-        k, picked = stack.pop()
-        if k == 0:
-            tried += 1
-            yield [corridor.steps[j][i] for j, i in enumerate(picked)]
+def _chains(scene: Scene, corridor: ReachableSet, settings: Settings) -> Iterator[list[BaseSet]]:
+    """Chains of base sets that hold trajectories, large sets first, depth first.
+
+    Along one chain nothing is merged, so what is propagated there is reached by some inputs.
+    """
+    children = [_children(corridor, k) for k in range(len(corridor.steps))]
+    limit = settings.a_lat_max
+    stack: list[tuple[tuple[int, ...], Polygon, Polygon]] = [
+        ((i,), b.lon, b.lat) for i, b in reversed(list(enumerate(corridor.steps[0])))
+    ]
+    looked = 0
+    while stack and looked < MOST_SETS:
+        looked += 1
+        picked, lon, lat = stack.pop()
+        k = len(picked) - 1
+        chain = [corridor.steps[j][i] for j, i in enumerate(picked)]
+        if k == corridor.horizon:
+            yield chain
             continue
-        parents = _by_size(corridor, k - 1, corridor.steps[k][picked[0]].parents)
-        stack.extend((k - 1, (p, *picked)) for p in reversed(parents))
+        next_lon = propagate(lon, *chain[-1].inputs, scene.dt)
+        next_lat = propagate(lat, -limit, limit, scene.dt)
+        found = []
+        for i in children[k][picked[-1]]:
+            child = corridor.steps[k + 1][i]
+            part_lon = intersection(next_lon, child.lon)
+            part_lat = intersection(next_lat, child.lat) if part_lon else []
+            if part_lat:
+                size = area(part_lon) * area(part_lat)
+                found.append((size, (*picked, i), part_lon, part_lat))
+        found.sort(key=lambda entry: entry[0])
+        stack.extend((path, part_lon, part_lat) for _, path, part_lon, part_lat in found)
 
 
-def _by_size(corridor: ReachableSet, k: int, indices: range | tuple[int, ...]) -> list[int]:
-    def area(i: int) -> float:
-        s_low, s_high, d_low, d_high = corridor.steps[k][i].rectangle
-        return (s_high - s_low) * (d_high - d_low)
-
-    return sorted(indices, key=lambda i: -area(i))
+def _children(corridor: ReachableSet, k: int) -> list[list[int]]:
+    children: list[list[int]] = [[] for _ in corridor.steps[k]]
+    if k + 1 < len(corridor.steps):
+        for i, child in enumerate(corridor.steps[k + 1]):
+            for parent in child.parents:
+                children[parent].append(i)
+    return children
 
 
 def _smoothest(polygons: list[Polygon], inputs: Array, dt: float) -> Array | None:
@@ -90,7 +109,7 @@ def _smoothest(polygons: list[Polygon], inputs: Array, dt: float) -> Array | Non
     to_x = np.where(done, dt * dt * (lag + 0.5), 0.0)
     rows, bounds = [], []
     for step, polygon in enumerate(polygons[1:]):
-        for a, b, c in _half_planes(polygon):
+        for a, b, c in half_planes(polygon):
             rows.append(a * to_x[step] + b * to_v[step])
             bounds.append(c - a * (x0 + v0 * (step + 1) * dt) - b * v0)
     # Variables: u (h), changes (h - 1), magnitudes (h).
@@ -115,21 +134,6 @@ def _smoothest(polygons: list[Polygon], inputs: Array, dt: float) -> Array | Non
     x = x0 + v0 * dt * np.arange(h + 1) + np.concatenate([[0.0], to_x @ u])
     v = v0 + np.concatenate([[0.0], to_v @ u])
     return np.column_stack([x, v, np.append(u, u[-1])])
-
-
-def _half_planes(polygon: Polygon) -> Iterator[tuple[float, float, float]]:
-    """(a, b, c) with a x + b v <= c for each edge; the bounding box for points and segments."""
-    n = len(polygon)
-    if n < 3:
-        xs, vs = [p[0] for p in polygon], [p[1] for p in polygon]
-        yield from ((1.0, 0.0, max(xs)), (-1.0, 0.0, -min(xs)))
-        yield from ((0.0, 1.0, max(vs)), (0.0, -1.0, -min(vs)))
-    for i in range(n):
-        (x, v), (y, w) = polygon[i - 1], polygon[i]
-        a, b = w - v, x - y
-        size = float(np.hypot(a, b))
-        if size > 1e-12:
-            yield a / size, b / size, (a * x + b * v) / size
 
 
 def _states(scene: Scene, lon: Array, lat: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Convex polygons in batches: clipping, Minkowski sums, hulls.
+"""Convex polygons in batches: clipping, Minkowski sums, hulls, distances.
 
 A batch is an array (N, V, 2): N convex polygons, counter-clockwise, each padded to V vertices by
 repeating its last one. Degenerate polygons (a segment, a point) are polygons too.
@@ -56,8 +56,8 @@ def _compact(points: Array, keep: Mask) -> Array:
     count = keep.sum(axis=1)
     order = np.argsort(~keep, axis=1, kind="stable")
     column = np.minimum(np.arange(int(count.max(initial=1)))[None, :], count[:, None] - 1)
-    chosen = np.take_along_axis(order, column, axis=1)
-    compacted: Array = np.take_along_axis(points, chosen[:, :, None], axis=1)
+    chosen = order[np.arange(len(points))[:, None], column]
+    compacted: Array = points[np.arange(len(points))[:, None], chosen]
     return compacted
 
 
@@ -80,7 +80,8 @@ def clip(batch: Array, normal: Array, offset: Array) -> tuple[Array, Mask]:
     if not touched.any():
         return batch[alive], alive
     p, e, i = batch[touched], excess[touched], inside[touched]
-    q, f, j = np.roll(p, -1, axis=1), np.roll(e, -1, axis=1), np.roll(i, -1, axis=1)
+    following = np.arange(1, p.shape[1] + 1) % p.shape[1]
+    q, f, j = p[:, following], e[:, following], i[:, following]
     crossing = i != j
     share = np.where(crossing, e / np.where(crossing, e - f, 1.0), 0.0)
     cut = p + np.clip(share, 0.0, 1.0)[:, :, None] * (q - p)
@@ -108,14 +109,18 @@ def clip_all(batch: Array, normals: Array, offsets: Array) -> tuple[Array, NDArr
     return batch, rows
 
 
-def polygon_from_support(normals: Array, offsets: Array) -> Array:
-    """(n, 2) vertices of { p : normals . p <= offsets }, bounded and not empty."""
+def polygons_from_support(normals: Array, offsets: Array) -> Array:
+    """The batch of { p : normals . p <= offsets[k] } for offsets (K, J); bounded, none empty.
+
+    Raises:
+        ValueError: if the half-planes of a row have no point in common.
+    """
     size = float(np.abs(offsets).max()) * 4 + 1.0
-    box = np.array([[[-size, -size], [size, -size], [size, size], [-size, size]]])
-    batch, rows = clip_all(box, normals, offsets[None, :])
-    if not len(rows):
+    box = np.array([[-size, -size], [size, -size], [size, size], [-size, size]])
+    batch, rows = clip_all(np.tile(box, (len(offsets), 1, 1)), normals, offsets)
+    if len(rows) < len(offsets):
         raise ValueError("the half-planes have no point in common")
-    return distinct(batch[0])
+    return batch
 
 
 def minkowski(batch: Array, other: Array) -> Array:
@@ -142,11 +147,11 @@ def minkowski(batch: Array, other: Array) -> Array:
     return _compact(corners, keep)
 
 
-def distinct(polygon: Array) -> Array:
-    """Drop repeated vertices of one polygon (n, 2)."""
-    step = np.abs(polygon - np.roll(polygon, 1, axis=0)).max(axis=1)
-    keep = step > _EPS
-    return polygon[keep] if keep.any() else polygon[:1]
+def unpadded(batch: Array) -> list[Array]:
+    """The polygons (n_i, 2) of a batch, without repeated vertices."""
+    moved = np.abs(batch - np.roll(batch, 1, axis=1)).max(axis=2) > _EPS
+    moved[:, 0] |= ~moved.any(axis=1)
+    return [polygon[keep] for polygon, keep in zip(batch, moved, strict=True)]
 
 
 def distances(points: Array, quads: Array) -> Array:

@@ -64,6 +64,11 @@ class Strip:
     """A speed across the lane changes y at most this much faster (slanted cross-sections)."""
     cells: Array
     """(n-1, 4, 2) quadrilaterals [m]."""
+    low: Array
+    """(n-1, 2) lower left corner of the box around each cell."""
+    high: Array
+    corners: Index
+    """Indices of the cross-sections that the map gives; between them the borders are straight."""
     slices: tuple[Slice, ...]
     successors: tuple[int, ...]
     predecessors: tuple[int, ...]
@@ -113,12 +118,13 @@ class LaneMap:
         point = np.array([[x, y]])
         found = []
         for strip in self.strips.values():
-            low, high = strip.cells.min(axis=(0, 1)), strip.cells.max(axis=(0, 1))
-            if (point[0] < low - tolerance).any() or (point[0] > high + tolerance).any():
+            beside = (point[0] < strip.low - tolerance) | (point[0] > strip.high + tolerance)
+            boxes = np.flatnonzero(~beside.any(axis=1))
+            if not len(boxes):
                 continue
-            near = distances(point, strip.cells)[0]
-            i = int(near.argmin())
-            if near[i] > tolerance:
+            near = distances(point, strip.cells[boxes])[0]
+            i = int(boxes[near.argmin()])
+            if near.min() > tolerance:
                 continue
             s, offset = _locate(strip, i, point[0])
             along = strip.centre[i + 1] - strip.centre[i]
@@ -184,16 +190,12 @@ def build_map(lanelets: tuple[Lanelet, ...], reach: float) -> LaneMap:
         to_left = to_right = None
         if strip.left_id is not None:
             other = strips[strip.left_id]
-            to_left = _arrivals(strip.left, other.right, other.s)
+            to_left = _arrivals(strip.left, other.right[other.corners], other.s[other.corners])
         if strip.right_id is not None:
             other = strips[strip.right_id]
-            to_right = _arrivals(strip.right, other.left, other.s)
-        linked[i] = _with_links(strip, to_left, to_right)
+            to_right = _arrivals(strip.right, other.left[other.corners], other.s[other.corners])
+        linked[i] = replace(strip, to_left=to_left, to_right=to_right)
     return LaneMap(linked)
-
-
-def _with_links(strip: Strip, to_left: Array | None, to_right: Array | None) -> Strip:
-    return replace(strip, to_left=to_left, to_right=to_right)
 
 
 def _strip(lanelet: Lanelet, known: set[int], reach: float) -> Strip:
@@ -244,6 +246,9 @@ def _strip(lanelet: Lanelet, known: set[int], reach: float) -> Strip:
         skew=float(np.abs(((left - right) * tangent).sum(axis=1)).max()),
         stretch=float(1.0 / upright.min()),
         cells=cells,
+        low=cells.min(axis=1),
+        high=cells.max(axis=1),
+        corners=np.concatenate([[0], np.cumsum(steps)]).astype(np.int64),
         slices=tuple(_slices(right, left)),
         successors=successors,
         predecessors=predecessors,

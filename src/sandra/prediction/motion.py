@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sandra.prediction.geometry import directions, polygon_from_support
+from sandra.prediction.geometry import directions, polygons_from_support
 from sandra.scene.types import Region, State
 
 Array = NDArray[np.float64]
@@ -74,14 +74,14 @@ def heading_change(bounds: Bounds, t: Array) -> Array:
     return np.asarray(np.minimum(np.minimum(by_arc, by_velocity), np.pi))
 
 
-def bodies(outline: Region, heading: float, turned: Array) -> list[Array]:
+def bodies(outline: Region, heading: float, turned: Array) -> Array:
     """Convex polygons that hold the outline at every heading within +-turned of `heading`.
 
     Args:
         turned: (K,) [rad].
 
     Returns:
-        K polygons around the origin, counter-clockwise; the radius of the outline included.
+        A batch (K, V, 2) around the origin; the radius of the outline included.
     """
     corner = outline.vertices
     reach = np.hypot(corner[:, 0], corner[:, 1])
@@ -89,12 +89,9 @@ def bodies(outline: Region, heading: float, turned: Array) -> list[Array]:
     angle = 2 * np.pi * np.arange(BODY_DIRECTIONS) / BODY_DIRECTIONS
     away = np.abs(np.mod(angle[:, None] - bearing[None, :] + np.pi, 2 * np.pi) - np.pi)
     world = directions(BODY_DIRECTIONS, heading)
-    found = []
-    for limit in turned.tolist():
-        support = (reach * np.cos(np.maximum(away - limit, 0.0))).max(axis=1)
-        offsets = support + outline.radius + MARGIN
-        found.append(polygon_from_support(world, offsets))
-    return found
+    apart = np.maximum(away[None] - turned[:, None, None], 0.0)
+    support = (reach * np.cos(apart)).max(axis=2)
+    return polygons_from_support(world, support + outline.radius + MARGIN)
 
 
 def circumscribed(outline: Region) -> float:

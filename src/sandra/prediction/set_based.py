@@ -20,8 +20,6 @@ concern the ego's *current* lane only: in a neighbouring lane, nothing is left o
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -31,10 +29,10 @@ from sandra.prediction.geometry import (
     clip_all,
     directions,
     distances,
-    distinct,
     minkowski,
-    polygon_from_support,
+    polygons_from_support,
     stack,
+    unpadded,
 )
 from sandra.prediction.lane_sets import LaneSets, Node, Rules, Stretch
 from sandra.prediction.lanes import LaneMap, Place, Slice, Strip, build_map
@@ -63,6 +61,9 @@ from sandra.settings import Settings
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Regions = tuple[tuple[Region, ...], ...]
+
+ROUNDING = 1e-9
+"""Half-planes are this much wider than computed [m]."""
 
 
 def predict_sets(
@@ -139,11 +140,8 @@ def _predict_one(
             at_sets, between = follower.occupancies(normals, offsets, during, body)
             at = (now, *at_sets[1:])
         else:
-            at = (
-                now,
-                *((_free(normals, o, b),) for o, b in zip(offsets[1:], body[1:], strict=True)),
-            )
-            between = tuple((_free(normals, o, b),) for o, b in zip(during, body[1:], strict=True))
+            at = (now, *_free(normals, offsets[1:], body[1:]))
+            between = _free(normals, during, body[1:])
     absent: Regions = ((),) * first
     # In the step before it is first seen it must come from somewhere: it is there already.
     arrival: Regions = (now,) if first else ()
@@ -169,10 +167,10 @@ def _first_seen(obstacle: Obstacle, horizon: int) -> tuple[int, State]:
     return first, State(x, y, heading, speed)
 
 
-def _free(normals: Array, offsets: Array, body: Array) -> Region:
-    """The acceleration-based occupancy alone."""
-    centres = polygon_from_support(normals, offsets + 1e-9)
-    return Region(distinct(minkowski(centres[None], body[None])[0]))
+def _free(normals: Array, offsets: Array, body: Array) -> Regions:
+    """The acceleration-based occupancy alone, for each row of offsets (K, J), bodies (K, V, 2)."""
+    centres = polygons_from_support(normals, offsets + ROUNDING)
+    return tuple((Region(polygon),) for polygon in unpadded(minkowski(centres, body)))
 
 
 class _Follower:
@@ -204,7 +202,7 @@ class _Follower:
         self.max_overhang = max_overhang
 
     def occupancies(
-        self, normals: Array, offsets: Array, during: Array, body: list[Array]
+        self, normals: Array, offsets: Array, during: Array, body: Array
     ) -> tuple[Regions, Regions]:
         """Regions at t_0..t_h and during each step.
 
@@ -212,16 +210,24 @@ class _Follower:
             normals: (J, 2).
             offsets: (h+1, J) of the reachable positions at each t_k.
             during: (h, J) of those during each step.
-            body: h+1 polygons around the origin, growing.
+            body: (h+1, V, 2) batch of bodies around the origin, growing.
         """
         horizon = len(during)
         start = [p.lanelet for p in self.places]
         lanelets = self.map.reachable(start, self.rules.reversing)
         widest = np.concatenate([offsets, during]).max(axis=0)
-        lanelets = [i for i in lanelets if _any_touched(self.map.strips[i], normals, widest)]
-        lanelets = list(dict.fromkeys(start + lanelets))
-        touched = {i: _touched(self.map.strips[i].cells, normals, offsets) for i in lanelets}
-        touched_during = {i: _touched(self.map.strips[i].cells, normals, during) for i in lanelets}
+        touched: dict[int, Mask] = {}
+        touched_during: dict[int, Mask] = {}
+        for i in lanelets:
+            cells = self.map.strips[i].cells
+            ever = np.flatnonzero(_touched(cells, normals, widest[None])[0])
+            if not len(ever) and i not in start:
+                continue
+            near = slice(ever[0], ever[-1] + 1) if len(ever) else slice(0, 0)
+            for masks, bounds in ((touched, offsets), (touched_during, during)):
+                masks[i] = np.zeros((len(bounds), len(cells)), dtype=bool)
+                masks[i][:, near] = _touched(cells[near], normals, bounds)
+        lanelets = list(touched)
         sets = lane_sets.follow(
             self.map.restricted(lanelets), list(self.places), touched, touched_during, self.rules
         )
@@ -231,7 +237,7 @@ class _Follower:
         )
         rows: list[dict[Node, Stretch]] = [*sets.at, *sets.between]
         all_offsets = np.concatenate([offsets, during])
-        all_bodies = stack([*body, *body[1:]])
+        all_bodies = np.concatenate([body, body[1:]])
         regions = self._regions(rows, normals, all_offsets, all_bodies)
         return tuple(regions[: horizon + 1]), tuple(regions[horizon + 1 :])
 
@@ -248,12 +254,12 @@ class _Follower:
     ) -> list[tuple[Region, ...]]:
         """One list of regions per row (a time or an interval), all cut in one batch."""
         used = {node.lanelet for nodes in rows for node in nodes}
-        road = self._carriageway(used)
+        road = self._carriageway(used, normals, offsets)
         overhang = self._overhang(road)
         shut: frozenset[int] = frozenset()
         if self.law.drop_cut:
             shut = self.rules.ego_lane - used
-            road = self._carriageway(used, shut)
+            road = self._carriageway(used, normals, offsets, shut)
         pieces: list[Array] = []
         owner: list[int] = []
         cuts: list[tuple[Array, Array]] = []
@@ -287,7 +293,7 @@ class _Follower:
         if not pieces:
             return [tuple(r) for r in out]
         rows_of = np.array(owner)
-        batch, kept = clip_all(stack(pieces), normals, offsets[rows_of] + 1e-9)
+        batch, kept = clip_all(stack(pieces), normals, offsets[rows_of] + ROUNDING)
         along = np.array([c[0] for c in cuts])
         limit = np.array([c[1] for c in cuts])
         across = np.column_stack([-along[:, 1], along[:, 0]])
@@ -300,11 +306,13 @@ class _Follower:
             bound = np.array([e[column] for e in edges])
             batch, alive = clip(batch, sign * across[kept], sign * bound[kept])
             kept = kept[alive]
-        for polygon, row in zip(batch, rows_of[kept].tolist(), strict=True):
-            out[row].append(Region(distinct(polygon)))
+        for polygon, row in zip(unpadded(batch), rows_of[kept].tolist(), strict=True):
+            out[row].append(Region(polygon))
         return [tuple(r) for r in out]
 
-    def _carriageway(self, used: set[int], shut: frozenset[int] = frozenset()) -> Array:
+    def _carriageway(
+        self, used: set[int], normals: Array, offsets: Array, shut: frozenset[int] = frozenset()
+    ) -> Array:
         """(n, 4, 2) cells of the lanelets that the body may be on; those in `shut` left out."""
         ids = set(self.map.behind([p.lanelet for p in self.places], 2 * self.radius))
         for lanelet in used:
@@ -314,7 +322,10 @@ class _Follower:
         ids -= shut
         if not ids:
             return np.empty((0, 4, 2))
-        return np.concatenate([self.map.strips[i].cells for i in sorted(ids)])
+        road = np.concatenate([self.map.strips[i].cells for i in sorted(ids)])
+        widest = offsets.max(axis=0) + 2 * self.radius + 1.0
+        near: Mask = _touched(road, normals, widest[None])[0]
+        return np.asarray(road[near])
 
     def _overhang(self, road: Array) -> float:
         """How far the body may stick out: as far as it does now, if that is farther [m]."""
@@ -331,38 +342,30 @@ def _touched(cells: Array, normals: Array, offsets: Array) -> Mask:
     nearest = np.einsum("nvi,ji->njv", cells, normals).min(axis=2)
     result = np.ones((len(offsets), len(cells)), dtype=bool)
     for j in range(len(normals)):
-        result &= nearest[None, :, j] <= offsets[:, j, None] + 1e-9
+        result &= nearest[None, :, j] <= offsets[:, j, None] + ROUNDING
     return result
 
 
-def _any_touched(strip: Strip, normals: Array, offsets: Array) -> bool:
-    return bool(_touched(strip.cells, normals, offsets[None]).any())
-
-
-def _limits(strip: Strip, part: Slice, across: Array, stretches: list[Stretch]) -> Iterator[Array]:
-    """For each stretch the bounds (rear, right, left) of its points within one slice.
+def _limits(strip: Strip, part: Slice, across: Array, stretches: list[Stretch]) -> Array:
+    """For each of K stretches the bounds (rear, right, left) of its points in one slice, (K, 3).
 
     Rear is measured along the slice, right and left across it [m]; they are the extremes over the
     cross-sections from station m on, each shortened to y within [low, high].
     """
     index = slice(part.first, part.last + 1)
     s, half = strip.s[index], strip.half[index]
-    right, left = strip.right[index], strip.left[index]
-    rear = np.minimum(right @ part.along, left @ part.along)
-    least = np.minimum.accumulate(rear[::-1])[::-1]
+    m, lowest, highest = np.array(stretches).T
+    ends = np.stack([strip.right[index] @ part.along, strip.left[index] @ part.along])
+    # The rearmost point of the sections from each one on; of those after m, and of the one at m.
+    least = np.minimum.accumulate(ends.min(axis=0)[::-1])[::-1]
+    i = np.clip(np.searchsorted(s, m, side="right") - 1, 0, len(s) - 2)
+    share = np.clip((m - s[i]) / np.maximum(s[i + 1] - s[i], 1e-12), 0.0, 1.0)
+    at_m = ((1 - share) * ends[:, i] + share * ends[:, i + 1]).min(axis=0)
+    rear = np.minimum(at_m, least[i + 1])
     centre, unit = strip.centre[index] @ across, strip.across[index] @ across
-    for stretch in stretches:
-        i = int(np.searchsorted(s, stretch.m, side="right")) - 1
-        behind = float(least[0])
-        if i >= 0:
-            i = min(i, len(s) - 2)
-            share = (stretch.m - s[i]) / max(s[i + 1] - s[i], 1e-12)
-            ends = [(1 - share) * b[i] + share * b[i + 1] for b in (right, left)]
-            behind = min(float(ends[0] @ part.along), float(ends[1] @ part.along))
-            behind = min(behind, float(least[i + 1]))
-        low = np.clip(stretch.low, -half, half) * unit
-        high = np.clip(stretch.high, -half, half) * unit
-        yield np.array([behind, float((centre + low).min()), float((centre + high).max())])
+    right = (centre + np.clip(lowest[:, None], -half, half) * unit).min(axis=1)
+    left = (centre + np.clip(highest[:, None], -half, half) * unit).max(axis=1)
+    return np.column_stack([rear, right, left])
 
 
 def _support_near(road: Array, part: Slice, across: Array, radius: float) -> tuple[float, float]:

@@ -78,6 +78,8 @@ class ChatRanker:
         options = {"temperature": temperature, "seed": seed}
         self._options = {name: value for name, value in options.items() if value is not None}
         self._client = _client(base_url or os.environ.get("OPENAI_BASE_URL") or None)
+        # Imports half of the library: here, so that no ranking pays for it.
+        self._completions = self._client.chat.completions.with_streaming_response
 
     def rank(self, prompt: Prompt, deadline: float | None = None) -> Ranking:
         """Ask the model; see `Ranker`. Returns within the deadline (default: `self.deadline`).
@@ -142,11 +144,10 @@ class ChatRanker:
         import openai
 
         body = {**self._body(prompt, with_schema), **self._options}
-        completions = self._client.chat.completions.with_streaming_response
         left = max(until - time.monotonic(), 0.001)
         reply = Reply()
         try:
-            with completions.create(**body, stream=True, timeout=left) as response:
+            with self._completions.create(**body, stream=True, timeout=left) as response:
                 replies.append(reply)
                 content_type = response.headers.get("content-type", "")
                 read(response.iter_bytes(), content_type, reply, until)

@@ -68,6 +68,7 @@ _TIE = 0.5
 """Decides for a standstill where braking would do as well [m/s^2]."""
 _UNSAFE = -50.0
 _WISHED = 3.0
+_UNWISHED = -20.0
 _SIDES = {Lateral.LEFT_LANE: "left", Lateral.RIGHT_LANE: "right"}
 
 
@@ -151,7 +152,7 @@ def _option(facts: Situation, lateral: Lateral, wish: Wish) -> Option:
     if wish.side == lane:
         worth += _WISHED
     if wish.stay:
-        worth -= _WISHED
+        worth += _UNWISHED
     return Option(lateral, acceleration, worth, ahead, "")
 
 
@@ -231,17 +232,16 @@ def _longitudinal_score(
         return -abs(wanted - min(wanted, -_CLEAR)) - (_WISHED if impossible else 0.0)
     if to_standstill < -_DECENT_BRAKING:
         return _UNSAFE / 2
-    score = -abs(wanted - to_standstill)
+    score = -max(wanted - to_standstill, 0.0)
     halts = facts.speed < _STANDING and wanted <= 0.0
     return score + (_WISHED if wish.stop else _TIE if halts or _stops_there(facts, option) else 0.0)
 
 
 def _stops_there(facts: Situation, option: Option) -> bool:
-    """Whether a standstill at the end of the horizon lies close before something that stands."""
+    """Whether standing at the end of the horizon is right before something that stands."""
     if option.ahead is None or option.ahead.speed >= _STANDING:
         return False
-    left = option.ahead.gap - facts.speed * facts.horizon / 2.0
-    return 0.0 < left < _QUEUE_GAP
+    return option.ahead.gap - facts.speed * facts.horizon / 2.0 < _QUEUE_GAP
 
 
 def _reasons(facts: Situation, wish: Wish, best: Option, options: Sequence[Option]) -> str:

@@ -63,9 +63,7 @@ def _known_without_trial(base: Ground, spec: Specification, step: int) -> str | 
     return None
 
 
-def _trials(
-    base: Ground, spec: Specification, found: ReachableSet, step: int
-) -> Iterator[_Trial]:
+def _trials(base: Ground, spec: Specification, found: ReachableSet, step: int) -> Iterator[_Trial]:
     if found.contested is not None:
         for index in base.obstacles_at(step, found.contested)[:MOST_OBSTACLES]:
             obstacle = base.prediction.obstacles[index].obstacle

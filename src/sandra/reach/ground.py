@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from sandra.errors import SettingsError
 from sandra.prediction.types import Prediction
+from sandra.reach.bands import Band, Leader, Limit, band, leaders, limits
 from sandra.reach.lattice import Lattice, Mask
 from sandra.reach.polygon import Polygon
 from sandra.scene.types import Region as Occupied
@@ -45,6 +46,12 @@ class Ground:
     """For each predicted obstacle and each step, its forbidden windows."""
     forbidden: tuple[Mask, ...]
     """Union of all causes at each step."""
+    bands: tuple[tuple[str, Band], ...]
+    """(relation, band) of the lanes that rules and actions speak of."""
+    leaders: tuple[tuple[tuple[Leader, ...], ...], ...]
+    """For each band and each step, the vehicles in it."""
+    limits: tuple[Limit, ...]
+    """Signed speed limits along s."""
 
     @property
     def horizon(self) -> int:
@@ -88,6 +95,11 @@ def ground(scene: Scene, prediction: Prediction, settings: Settings) -> Ground:
     samples = np.linspace(0.0, 1.0, 5)
     kappa = scene.frame.curvature((s_lines[:-1, None] + lattice.ds * samples).ravel())
     kappa = kappa.reshape(lattice.columns, samples.size)
+    bands = tuple(
+        (lane.relation, band(scene.frame, lattice, lane.left, lane.right))
+        for lane in scene.lanes
+        if lane.relation in ("current", "left", "right", "opposite")
+    )
     return Ground(
         scene,
         prediction,
@@ -99,6 +111,9 @@ def ground(scene: Scene, prediction: Prediction, settings: Settings) -> Ground:
         off_road,
         windows,
         _union(off_road, windows, prediction.horizon),
+        bands,
+        leaders(scene, prediction, settings, tuple(lane for _, lane in bands)),
+        limits(scene, tuple(x for x in (scene.current, scene.left, scene.right) if x)),
     )
 
 
@@ -123,9 +138,7 @@ def _box(x: float, v: float, dx: float, dv: float) -> Polygon:
     return [(x - dx, v - dv), (x + dx, v - dv), (x + dx, v + dv), (x - dx, v + dv)]
 
 
-def _lattice(
-    scene: Scene, horizon: int, lon: Polygon, lat: Polygon, settings: Settings
-) -> Lattice:
+def _lattice(scene: Scene, horizon: int, lon: Polygon, lat: Polygon, settings: Settings) -> Lattice:
     """Cells over all that the free set can touch, laterally as far as the road goes."""
     duration = horizon * scene.dt
     farthest = max(
@@ -139,8 +152,11 @@ def _lattice(
     borders = [np.vstack([lane.left, lane.right]) for lane in scene.lanes]
     points = scene.frame.to_curvilinear(np.vstack(borders))
     near = points[(points[:, 0] >= s_line[0]) & (points[:, 0] <= s_line[-1])]
-    reach = [d + sign * (abs(v) * duration + settings.a_lat_max * duration**2 / 2)
-             for d, v in lat for sign in (-1.0, 1.0)]
+    reach = [
+        d + sign * (abs(v) * duration + settings.a_lat_max * duration**2 / 2)
+        for d, v in lat
+        for sign in (-1.0, 1.0)
+    ]
     low, high = min(reach), max(reach)
     if near.size:
         low = max(low, min(float(near[:, 1].min()), min(d for d, _ in lat)) - LATERAL_REACH)
@@ -151,7 +167,8 @@ def _lattice(
 def _grid(scene: Scene, s: Array, d: Array) -> Array:
     """(len(s), len(d), 2) Cartesian points of a grid in the lane frame."""
     mesh = np.stack(np.meshgrid(s, d, indexing="ij"), axis=-1)
-    return scene.frame.to_cartesian(mesh.reshape(-1, 2)).reshape(mesh.shape)
+    points: Array = scene.frame.to_cartesian(mesh.reshape(-1, 2)).reshape(mesh.shape)
+    return points
 
 
 def _bulge(scene: Scene, lattice: Lattice) -> float:
@@ -163,7 +180,11 @@ def _bulge(scene: Scene, lattice: Lattice) -> float:
     s, d = lattice.corners()
     heading = np.unwrap(scene.frame.heading(np.arange(s[0], s[-1] + 0.05, 0.05)))
     per_cell = max(1, int(np.ceil(lattice.ds / 0.05)) + 1)
-    turn = float(np.abs(heading[per_cell:] - heading[:-per_cell]).max()) if heading.size > per_cell else 0.0
+    turn = (
+        float(np.abs(heading[per_cell:] - heading[:-per_cell]).max())
+        if heading.size > per_cell
+        else 0.0
+    )
     widest = 1.0 + float(np.abs(scene.frame.curvature(s)).max()) * float(np.abs(d).max())
     return lattice.ds * widest * turn / 4 + 1e-6
 
@@ -185,7 +206,7 @@ def _off_road(scene: Scene, lattice: Lattice) -> Mask:
     slack = np.hypot(lattice.ds * stretch, lattice.dd) / 2
     eroded = road.buffer(float(slack) - scene.ego.width / 2)
     shapely.prepare(eroded)
-    return ~shapely.contains_xy(eroded, grid[..., 0], grid[..., 1])
+    return np.asarray(~shapely.contains_xy(eroded, grid[..., 0], grid[..., 1]))
 
 
 def _windows(
@@ -233,7 +254,7 @@ def _window(
 def distance(points: Array, polygon: Array) -> Array:
     """(m,) distances from (m, 2) points to a convex polygon (n, 2), 0 inside [m]."""
     if len(polygon) == 1:
-        return np.hypot(points[:, 0] - polygon[0, 0], points[:, 1] - polygon[0, 1])
+        return np.asarray(np.hypot(points[:, 0] - polygon[0, 0], points[:, 1] - polygon[0, 1]))
     edges = np.roll(polygon, -1, axis=0) - polygon
     offsets = points[:, None, :] - polygon[None, :, :]
     squared = np.maximum((edges**2).sum(axis=1), 1e-18)
@@ -248,7 +269,9 @@ def distance(points: Array, polygon: Array) -> Array:
 
 
 def _union(
-    off_road: Mask, windows: tuple[tuple[tuple[Window, ...], ...], ...] | list[tuple[tuple[Window, ...], ...]], horizon: int
+    off_road: Mask,
+    windows: tuple[tuple[tuple[Window, ...], ...], ...] | list[tuple[tuple[Window, ...], ...]],
+    horizon: int,
 ) -> tuple[Mask, ...]:
     masks = [off_road.copy() for _ in range(horizon + 1)]
     for steps in windows:

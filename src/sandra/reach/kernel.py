@@ -25,7 +25,7 @@ from sandra.reach.polygon import Polygon, cut, cut_x, cut_y, hull, propagate, ra
 from sandra.reach.problem import Problem, Region
 from sandra.reach.sets import BaseSet, ReachableSet
 
-COVER_TOLERANCE = 1
+COVER_TOLERANCE = 2
 """Cells by which neighbouring rows may differ and still be covered by one box (it only grows)."""
 
 

@@ -58,15 +58,15 @@ class Lattice:
     def corners(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """s of the columns + 1 lattice lines, d of the rows + 1 lattice lines."""
         return (
-            self.s0 + self.ds * np.arange(self.columns + 1),
-            self.d0 + self.dd * np.arange(self.rows + 1),
+            self.s0 + self.ds * np.arange(self.columns + 1, dtype=np.float64),
+            self.d0 + self.dd * np.arange(self.rows + 1, dtype=np.float64),
         )
 
     def centers(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """s of the column centres, d of the row centres."""
         return (
-            self.s0 + self.ds * (np.arange(self.columns) + 0.5),
-            self.d0 + self.dd * (np.arange(self.rows) + 0.5),
+            self.s0 + self.ds * (np.arange(self.columns, dtype=np.float64) + 0.5),
+            self.d0 + self.dd * (np.arange(self.rows, dtype=np.float64) + 0.5),
         )
 
 

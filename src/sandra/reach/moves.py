@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
 from math import inf
 
 from sandra.logic import Comparison, Dfa, Edge
@@ -49,7 +50,11 @@ def moves_of(dfa: Dfa, inputs: Interval, horizon: int) -> Moves:
     """Translate `dfa` for admissible inputs [m/s^2] and a trace of `horizon` + 1 letters."""
     ranges = _ranges(dfa, inputs)
     letters = [
-        [(lit, interval, edge.target) for edge in edges for lit, interval in _split(dfa, edge, ranges)]
+        [
+            (lit, interval, edge.target)
+            for edge in edges
+            for lit, interval in _split(dfa, edge, ranges)
+        ]
         for edges in dfa.edges
     ]
     final = [
@@ -78,7 +83,7 @@ def _ranges(dfa: Dfa, inputs: Interval) -> list[Interval]:
         return []
     bounds = {a.bound for a in dfa.atoms if isinstance(a, Comparison) and a.variable == "a"}
     marks = [low, *sorted(b for b in bounds if low < b < high), high]
-    return list(zip(marks[:-1], marks[1:], strict=True))
+    return list(pairwise(marks))
 
 
 def _split(
@@ -130,7 +135,7 @@ def _drop_one_literal(moves: set[Move]) -> set[Move] | None:
 
 def _unite_two_ranges(moves: set[Move]) -> set[Move] | None:
     ordered = sorted(moves, key=lambda m: (m.target, m.literals, m.inputs))
-    for a, b in zip(ordered, ordered[1:], strict=False):
+    for a, b in pairwise(ordered):
         same = (a.target, a.literals) == (b.target, b.literals)
         if same and a.inputs[1] == b.inputs[0]:
             united = Move(a.target, a.literals, (a.inputs[0], b.inputs[1]))

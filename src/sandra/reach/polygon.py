@@ -6,7 +6,7 @@ a segment. Every rounding goes outwards: a cut keeps what lies up to `EPS` beyon
 
 from __future__ import annotations
 
-from math import inf
+from math import hypot, inf
 
 Point = tuple[float, float]
 Polygon = list[Point]
@@ -139,6 +139,40 @@ def _extension(p: Point, q: Point, r: Point, t: Point) -> tuple[float, Point]:
     return area, (x, y)
 
 
+def half_planes(polygon: Polygon) -> list[tuple[float, float, float]]:
+    """(a, b, c) with a x + b y <= c for each edge; the bounding box for points and segments."""
+    found = []
+    n = len(polygon)
+    if n < 3:
+        (low, high), (down, up) = range_x(polygon), range_y(polygon)
+        found += [(1.0, 0.0, high), (-1.0, 0.0, -low), (0.0, 1.0, up), (0.0, -1.0, -down)]
+    for i in range(n):
+        (x, y), (u, w) = polygon[i - 1], polygon[i]
+        a, b = w - y, x - u
+        size = hypot(a, b)
+        if size > 1e-12:
+            found.append((a / size, b / size, (a * x + b * y) / size))
+            if n == 2:
+                found.append((-a / size, -b / size, -(a * x + b * y) / size))
+    return found
+
+
+def intersection(polygon: Polygon, other: Polygon) -> Polygon:
+    """The common part of two polygons (+ EPS)."""
+    for a, b, c in half_planes(other):
+        if not polygon:
+            break
+        polygon = cut(polygon, a, b, c)
+    return polygon
+
+
+def area(polygon: Polygon) -> float:
+    """The enclosed area; 0 for points and segments."""
+    return (
+        sum(polygon[i - 1][0] * y - x * polygon[i - 1][1] for i, (x, y) in enumerate(polygon)) / 2
+    )
+
+
 def range_x(polygon: Polygon) -> tuple[float, float]:
     """(min x, max x)."""
     xs = [p[0] for p in polygon]
@@ -164,7 +198,5 @@ def contains(polygon: Polygon, x: float, y: float, tolerance: float = 1e-6) -> b
     if len(polygon) == 2:
         low, high = range_x(polygon)
         down, up = range_y(polygon)
-        return (
-            low - tolerance <= x <= high + tolerance and down - tolerance <= y <= up + tolerance
-        )
+        return low - tolerance <= x <= high + tolerance and down - tolerance <= y <= up + tolerance
     return True

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 from sandra.reach.lattice import Box, Lattice, Mask
 from sandra.reach.moves import Interval
@@ -116,7 +117,7 @@ def _union_area(rectangles: list[tuple[float, float, float, float]]) -> float:
     """Area of a union of rectangles: a sweep along s over the intervals in d."""
     marks = sorted({r[0] for r in rectangles} | {r[1] for r in rectangles})
     total = 0.0
-    for low, high in zip(marks, marks[1:], strict=False):
+    for low, high in pairwise(marks):
         spans = sorted((r[2], r[3]) for r in rectangles if r[0] <= low and r[1] >= high)
         covered, end = 0.0, float("-inf")
         for a, b in spans:

@@ -66,7 +66,9 @@ class Verdict:
         }
 
     def __str__(self) -> str:
-        text = f"{self.pair.longitudinal.value:>10}, {self.pair.lateral.value:<11} {self.status.value}"
+        text = (
+            f"{self.pair.longitudinal.value:>10}, {self.pair.lateral.value:<11} {self.status.value}"
+        )
         return text if self.reason is None else f"{text}: {self.reason}"
 
 

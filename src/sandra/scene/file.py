@@ -122,9 +122,11 @@ def _content(path: Path, scenario: Any, problems: Any, facts: Facts) -> Content:
 
 @contextlib.contextmanager
 def _malformed(path: Path) -> Iterator[None]:
+    from shapely.errors import ShapelyError
+
     try:
         yield
-    except _MALFORMED as error:
+    except (*_MALFORMED, ShapelyError) as error:
         detail = " ".join(str(error).split())[:200] or "no detail given"
         raise ScenarioError(
             f"{path}: malformed CommonRoad content ({type(error).__name__}: {detail}); "

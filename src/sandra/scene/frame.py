@@ -32,7 +32,7 @@ _BLOCK = 8
 """Segments that share one bounding circle in the search for the foot point."""
 _ROUNDING = 1e-9
 """Neighbouring segments overlap by this part, so that no point falls between them."""
-_ROWS = 4096
+_ROWS = 2048
 """Points treated at a time: bounds the memory, stays within the cache."""
 
 

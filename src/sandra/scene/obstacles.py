@@ -183,7 +183,9 @@ def dynamic_obstacle(
     rows = {_step(initial): row}
     spread = _uncertainty(initial, outline)
     for state in trajectory.state_list if trajectory is not None else ():
-        rows.setdefault(_step(state), _row(state, offset))
+        recorded = _row(state, offset)
+        _finite(recorded[:2], obstacle.obstacle_id)
+        rows.setdefault(_step(state), recorded)
         spread = max(spread, _uncertainty(state, outline))
     states: Array | None = None
     if trajectory is not None:
@@ -193,10 +195,10 @@ def dynamic_obstacle(
         every = np.full((max(rows) - start + 1, 5), np.nan)
         for step, values in rows.items():
             every[step - start] = values
-        recorded = _derived(every, dt)
-        _finite(recorded[~np.isnan(recorded[:, 0])], obstacle.obstacle_id)
+        every = _derived(every, dt)
+        _finite(every[~np.isnan(every[:, 0])], obstacle.obstacle_id)
         states = np.full((max(rows) - first + 1, 5), np.nan)
-        states[max(0, start - first) :] = recorded[max(0, first - start) :]
+        states[max(0, start - first) :] = every[max(0, first - start) :]
         row = states[~np.isnan(states[:, 0])][0]
         states.setflags(write=False)
     occupancies = None

@@ -192,10 +192,9 @@ def _applies(light: Any, turn: str | None) -> bool:
 def light_state(light: Any, step: int) -> str:
     """State of a commonroad-io light at a time step, as in `TrafficLight.state`."""
     cycle = light.traffic_light_cycle
-    if light.active is False or (cycle is not None and cycle.active is False):
+    elements = [] if cycle is None else cycle.cycle_elements
+    if sum(element.duration for element in elements or ()) <= 0:
+        return "unknown"
+    if light.active is False or cycle.active is False:
         return "inactive"
-    if cycle is None or not cycle.cycle_elements:
-        return "unknown"
-    if sum(element.duration for element in cycle.cycle_elements) <= 0:
-        return "unknown"
     return str(cycle.get_state_at_time_step(step).value)

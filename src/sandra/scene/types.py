@@ -6,6 +6,7 @@ Angles in rad (counter-clockwise), lengths in m, time in s. `d > 0` is to the le
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -265,6 +266,27 @@ class Scene:
         ends = np.cumsum(lengths)
         index = np.clip(np.searchsorted(ends, s, side="right"), 0, len(lengths) - 1)
         return tuple(lane.speed_limits[int(i)] for i in index)
+
+    def __str__(self) -> str:
+        state = self.ego.state
+        s, d, relative, _ = self.ego_curvilinear
+        limit = self.speed_limit
+        kinds = Counter(obstacle.kind for obstacle in self.obstacles)
+        counts = ", ".join(f"{n} {kind}" for kind, n in sorted(kinds.items()))
+        lines = [
+            f"{self.name}: {self.road_type}, dt = {self.dt:g} s, {self.recorded_steps} steps",
+            f"  ego {self.ego.id}: s = {s:.2f} m, d = {d:.2f} m, v = {state.speed:.2f} m/s, "
+            f"a = {state.acceleration:.2f} m/s^2, heading {np.degrees(relative):+.1f} deg to lane",
+            "  speed limit: " + ("unknown" if limit is None else f"{limit:.2f} m/s"),
+        ]
+        for lane in self.lanes:
+            side = f" ({lane.side})" if lane.side else ""
+            ids = " ".join(str(i) for i in lane.lanelets)
+            lines.append(f"  {lane.relation}{side}: {lane.frame.length:.0f} m, lanelets {ids}")
+        lines += [f"  light {x.id}: {x.state} in {x.distance:.1f} m" for x in self.lights]
+        lines += [f"  sign {x.name} {' '.join(x.values)} in {x.distance:.1f} m" for x in self.signs]
+        lines.append(f"  obstacles: {counts or 'none'}")
+        return "\n".join(lines)
 
     @property
     def recorded_steps(self) -> int:

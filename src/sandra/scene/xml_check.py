@@ -70,7 +70,7 @@ def checked(path: Path, head: bytes, rest: IO[bytes]) -> tuple[Facts, bytes]:
     for node in root:
         if node.tag in (*_OBSTACLES, "planningProblem"):
             initial[_id(path, node)] = _check_states(path, node)
-    _check_problems(path, root, initial)
+    _check_problems(path, root)
     location = root.find("location")
     environment = location.find("environment") if location is not None else None
     facts = Facts(initial, _text(environment, "weather"), _text(environment, "timeOfDay"))
@@ -111,7 +111,7 @@ def _check_header(path: Path, root: Element) -> None:
         )
 
 
-def _check_problems(path: Path, root: Element, initial: Mapping[int, Mapping[str, float]]) -> None:
+def _check_problems(path: Path, root: Element) -> None:
     for node in root.iter("planningProblem"):
         state = node.find("initialState")
         for name in ("time", "position", "orientation", "velocity"):
@@ -119,37 +119,44 @@ def _check_problems(path: Path, root: Element, initial: Mapping[int, Mapping[str
                 raise ScenarioError(
                     f"{path}: planning problem {node.get('id')} has no initial {name}; add it"
                 )
-        for name, value in initial[_id(path, node)].items():
-            if not math.isfinite(value):
-                raise ScenarioError(
-                    f"{path}: planning problem {node.get('id')}: initial {name} is no finite "
-                    "number; mend it"
-                )
 
 
 def _check_states(path: Path, node: Element) -> dict[str, float]:
     """The numbers of the initial state; every state of the node has values that can be read."""
     where = f"{path}: {node.tag} {node.get('id')}"
     numbers: dict[str, float] = {}
-    states = [s for tag in ("initialState", "state", "goalState") for s in node.iter(tag)]
-    for state in states:
-        for value in state:
-            if value.tag == "position":
-                if not any(value.find(place) is not None for place in _PLACES):
-                    raise ScenarioError(f"{where}: a state has an empty position; mend it")
-                if state.tag == "initialState" and value.find("point") is not None:
-                    numbers["position x"] = _float(value.findtext("point/x"))
-                    numbers["position y"] = _float(value.findtext("point/y"))
-                continue
-            bounds = [value.findtext(tag) for tag in ("exact", "intervalStart", "intervalEnd")]
-            exact = bounds[0] is not None
-            if not exact and None in bounds[1:]:
-                raise ScenarioError(
-                    f"{where}: a state has a <{value.tag}> without a value; mend it"
-                )
-            if state.tag == "initialState":
-                given = bounds[:1] if exact else bounds[1:]
-                numbers[value.tag] = sum(map(_float, given)) / len(given)
+    for tag in ("initialState", "state", "goalState"):
+        for state in node.iter(tag):
+            values = _numbers(where, state)
+            if tag == "initialState":
+                numbers = values
+            if tag != "goalState":
+                for name, value in values.items():
+                    if not math.isfinite(value):
+                        kind = tag.replace("S", " s")
+                        raise ScenarioError(f"{where}: {kind}: {name} is no finite number; mend it")
+    return numbers
+
+
+def _numbers(where: str, state: Element) -> dict[str, float]:
+    """The numbers of a state by XML name, centres of intervals."""
+    numbers: dict[str, float] = {}
+    for value in state:
+        if value.tag == "position":
+            if not any(value.find(place) is not None for place in _PLACES):
+                raise ScenarioError(f"{where}: a state has an empty position; mend it")
+            if value.find("point") is not None:
+                numbers["position x"] = _float(value.findtext("point/x"))
+                numbers["position y"] = _float(value.findtext("point/y"))
+            continue
+        exact = value.findtext("exact")
+        if exact is not None:
+            numbers[value.tag] = _float(exact)
+            continue
+        bounds = value.findtext("intervalStart"), value.findtext("intervalEnd")
+        if None in bounds:
+            raise ScenarioError(f"{where}: a state has a <{value.tag}> without a value; mend it")
+        numbers[value.tag] = (_float(bounds[0]) + _float(bounds[1])) / 2
     return numbers
 
 

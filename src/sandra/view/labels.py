@@ -37,8 +37,7 @@ class Places:
         if box[0] < low_x or box[1] > high_x or box[2] < low_y or box[3] > high_y:
             return None
         apart = all(
-            box[1] <= o[0] or box[0] >= o[1] or box[3] <= o[2] or box[2] >= o[3]
-            for o in self.taken
+            box[1] <= o[0] or box[0] >= o[1] or box[3] <= o[2] or box[2] >= o[3] for o in self.taken
         )
         return box if apart else None
 

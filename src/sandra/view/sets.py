@@ -33,9 +33,7 @@ def draw_sets(ax: Any, positions: list[shapely.Geometry], horizon: int, colours:
             zorder=3.4 - 0.5 * k / max(1, horizon),
         )
     if positions:
-        patch(
-            ax, positions[-1], facecolor="none", edgecolor=palette.INK, linewidth=0.8, zorder=3.6
-        )
+        patch(ax, positions[-1], facecolor="none", edgecolor=palette.INK, linewidth=0.8, zorder=3.6)
 
 
 def draw_trajectory(

@@ -119,7 +119,9 @@ def clipped(geometry: shapely.Geometry, window: Window) -> shapely.Geometry:
     import shapely
 
     x_low, x_high, y_low, y_high = window
-    return shapely.intersection(shapely.make_valid(geometry), shapely.box(x_low, y_low, x_high, y_high))
+    return shapely.intersection(
+        shapely.make_valid(geometry), shapely.box(x_low, y_low, x_high, y_high)
+    )
 
 
 def path_of(geometry: shapely.Geometry) -> Any:
@@ -147,9 +149,9 @@ def bounds(geometries: Iterable[shapely.Geometry]) -> Window | None:
     return float(low[0]), float(high[0]), float(low[1]), float(high[1])
 
 
-def grown(window: Window, margin: float) -> Window:
-    """The window with a margin on each side [m]."""
-    return window[0] - margin, window[1] + margin, window[2] - margin, window[3] + margin
+def grown(window: Window, along: float, across: float) -> Window:
+    """The window with a margin at both ends and at both sides [m]."""
+    return window[0] - along, window[1] + along, window[2] - across, window[3] + across
 
 
 def with_aspect(window: Window, aspect: float) -> Window:
@@ -167,5 +169,8 @@ def touches(window: Window, points: Array) -> bool:
         return False
     low, high = points.min(axis=0), points.max(axis=0)
     return bool(
-        low[0] <= window[1] and high[0] >= window[0] and low[1] <= window[3] and high[1] >= window[2]
+        low[0] <= window[1]
+        and high[0] >= window[0]
+        and low[1] <= window[3]
+        and high[1] >= window[2]
     )

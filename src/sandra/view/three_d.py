@@ -28,10 +28,10 @@ def draw_stack(
     ax: Any,
     view: View,
     window: Window,
-    positions: list[shapely.Geometry],
-    horizon: int,
     obstacles: tuple[PredictedObstacle, ...],
+    positions: list[shapely.Geometry],
     maneuver: Maneuver | None,
+    horizon: int,
     colours: Any,
 ) -> None:
     """Draw into 3-D axes; the upward axis is the time step."""
@@ -59,9 +59,7 @@ def draw_stack(
     _draw_floor(ax, view, window)
     if faces:
         ax.add_collection3d(
-            Poly3DCollection(
-                faces, facecolors=fills, edgecolors=edges, linewidths=0.4, zorder=2.0
-            ),
+            Poly3DCollection(faces, facecolors=fills, edgecolors=edges, linewidths=0.4, zorder=2.0),
             autolim=False,
         )
     ego = polygons(clipped(view.body(view.scene.ego.outline, _pose(view)), window))
