@@ -232,18 +232,25 @@ class World:
         return kept
 
     def keeps_lane_speed_limit(self, states: np.ndarray, xy: np.ndarray) -> np.ndarray:
-        """R_G3: the limit of the lanelets in which the centre is; an unknown one is kept."""
-        by_id = {x.id: x for x in self.ground.scene.lanelets}
+        """R_G3: the limit of the lanelets of own lanes in which the centre is; where it is in none
+        (on an opposite lane, say), that of the current lane at s. An unknown limit is kept."""
+        scene = self.ground.scene
+        by_id = {x.id: x for x in scene.lanelets}
         kept = np.ones(len(states), dtype=bool)
+        beside = np.ones(len(states), dtype=bool)
         for lane, _ in self.own_lanes:
             for lanelet_id, limit in zip(lane.lanelets, lane.speed_limits, strict=True):
+                lanelet = by_id[lanelet_id]
+                area = shapely.Polygon(np.vstack([lanelet.right, lanelet.left[::-1]])).buffer(0)
+                shapely.prepare(area)
+                inside = shapely.contains_xy(area, xy[:, 0], xy[:, 1])
+                beside &= ~inside
                 if limit is not None:
-                    lanelet = by_id[lanelet_id]
-                    ring = np.vstack([lanelet.right, lanelet.left[::-1]])
-                    area = shapely.Polygon(ring).buffer(0)
-                    shapely.prepare(area)
-                    inside = shapely.contains_xy(area, xy[:, 0], xy[:, 1])
                     kept &= ~inside | (states[:, 1] <= limit)
+        rows = np.flatnonzero(beside)
+        limits = scene.speed_limit_at(states[rows, 0])
+        bounds = np.array([np.inf if x is None else x for x in limits])
+        kept[rows] &= states[rows, 1] <= bounds
         return kept
 
 

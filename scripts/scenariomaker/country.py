@@ -17,6 +17,8 @@ from scenariomaker.traffic import Driver, Shift, pose_on, walk
 
 KMH_100 = 27.78
 KMH_60 = 16.67
+NARROW = 2.75
+"""Width of a lane of a small country road [m]."""
 
 
 def rural_oncoming() -> Draft:
@@ -27,8 +29,8 @@ def rural_oncoming() -> Draft:
     axis = line(*start, pieces, marks=[200.0])
     ahead, back = [], []
     for part in (axis.part(0.0, 200.0), axis.part(200.0, length)):
-        ahead.append(road.lane(part, -LANE_WIDTH / 2, LaneletType.COUNTRY))
-        back.append(road.reverse_lane(part, LANE_WIDTH / 2, LaneletType.COUNTRY))
+        ahead.append(road.lane(part, -NARROW / 2, LaneletType.COUNTRY, width=NARROW))
+        back.append(road.reverse_lane(part, NARROW / 2, LaneletType.COUNTRY, width=NARROW))
         road.facing(ahead[-1], back[-1])
     road.follow(*ahead)
     road.follow(*back[::-1])
@@ -40,12 +42,12 @@ def rural_oncoming() -> Draft:
     x, y, heading = pose_on(middle, length)
     other_way = line(x, y, heading + np.pi, [(run, -curve) for run, curve in pieces[::-1]], 0.5)
     ego_s = 70.0
-    ego = Driver("car", middle, ego_s, 20.0, 25.0, d=-LANE_WIDTH / 2)
+    ego = Driver("car", middle, ego_s, 20.0, 25.0, d=-NARROW / 2)
     others = [
-        Driver("tractor", middle, ego_s + 36.0, 5.0, 5.2, d=-LANE_WIDTH / 2),
-        Driver("car", other_way, length - (ego_s + 90.0), 25.0, 25.0, d=-LANE_WIDTH / 2),
-        Driver("car", other_way, length - (ego_s + 195.0), 24.0, 26.0, d=-LANE_WIDTH / 2),
-        Driver("car", middle, ego_s - 32.0, 20.0, 26.0, d=-LANE_WIDTH / 2),
+        Driver("tractor", middle, ego_s + 36.0, 5.0, 5.2, d=-NARROW / 2 - 0.2),
+        Driver("car", other_way, length - (ego_s + 97.0), 25.0, 25.0, d=-NARROW / 2),
+        Driver("car", other_way, length - (ego_s + 195.0), 24.0, 26.0, d=-NARROW / 2),
+        Driver("car", middle, ego_s - 32.0, 20.0, 26.0, d=-NARROW / 2),
     ]
     draft = Draft(
         "DEU",

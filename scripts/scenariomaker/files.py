@@ -44,7 +44,7 @@ Array = NDArray[np.float64]
 DATE = "2026-11-21"
 AUTHOR = "The SanDRA developers"
 SOURCE = "scripts/make_scenarios.py"
-TYPES = {kind.value: kind for kind in ObstacleType} | {"tractor": ObstacleType.UNKNOWN}
+TYPES = {kind.value: kind for kind in ObstacleType} | {"tractor": ObstacleType.TRUCK}
 
 
 @dataclass

@@ -35,6 +35,14 @@ def test_a_formula_that_is_too_deep_is_refused():
         translate(formula)
 
 
+def test_deadlines_that_overlap_do_not_multiply():
+    # Without knowing that an earlier deadline implies a later one: 2^40 states.
+    dfa = translate(parse("G(in_lane(left) -> F[0,40] in_lane(right))"))
+    assert dfa.n_states == 43
+    dfa = translate(parse("G(in_lane(left) -> G[0,40] in_lane(right))"))
+    assert dfa.n_states == 43
+
+
 def test_a_long_deadline_is_no_trouble():
     dfa = translate(Finally(P, 0, 300))
     assert dfa.n_states == 303

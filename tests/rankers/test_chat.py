@@ -247,11 +247,13 @@ CASES: dict[str, tuple[list[Play], Failure | None, int]] = {
 def test_whatever_the_server_does_is_named_within_the_deadline(server: Server, name: str) -> None:
     plays, failure, count = CASES[name]
     server.plays = plays
-    ranker = ChatRanker("some-model", base_url=server.url, deadline=DEADLINE)
+    # Who never ends meets a short deadline; the others get time enough for a busy machine.
+    deadline = DEADLINE if name.startswith(("stalls", "drips")) else 3.0
+    ranker = ChatRanker("some-model", base_url=server.url, deadline=deadline)
     start = time.monotonic()
     ranking = ranker.rank(PROMPT)
     took = time.monotonic() - start
-    assert took < DEADLINE + 0.1
+    assert took < deadline + 0.1
     assert ranking.failure is failure, ranking
     assert len(ranking.pairs) == count
     assert list(ranking.pairs) == PAIRS[:count]
@@ -287,7 +289,7 @@ def test_what_is_sent(server: Server) -> None:
 
 def test_a_server_without_structured_outputs_is_told_the_schema_in_words(server: Server) -> None:
     server.plays = [error(400, "Unknown field: response_format"), whole(answer(*GOOD))]
-    ranking = ChatRanker("m", base_url=server.url, deadline=DEADLINE).rank(PROMPT)
+    ranking = ChatRanker("m", base_url=server.url, deadline=3.0).rank(PROMPT)
     assert list(ranking.pairs) == PAIRS
     first, second = server.requests
     assert "response_format" in first
@@ -295,7 +297,7 @@ def test_a_server_without_structured_outputs_is_told_the_schema_in_words(server:
     assert json.dumps(PROMPT.schema, ensure_ascii=False) in second["messages"][0]["content"]
     server.requests.clear()
     server.plays = [error(400, "response_format again")]
-    ranking = ChatRanker("m", base_url=server.url, deadline=DEADLINE).rank(PROMPT)
+    ranking = ChatRanker("m", base_url=server.url, deadline=3.0).rank(PROMPT)
     assert ranking.failure is Failure.REJECTED
     assert len(server.requests) == 2
 

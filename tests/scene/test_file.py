@@ -100,7 +100,6 @@ STATE = {"orientation": 0.0, "velocity": 10.0}
             {"obstacles": (car(5, state("initialState", 0, 9, 0, **STATE), kind="ufo"),)},
             "malformed",
         ),
-        ({"id": "x"}, "malformed"),
         ({"lanelets": (straight(1, -100, 100, float("nan")),)}, "lanelet 1"),
         ({"lanelets": (straight(1, 10, 10, 0.0),)}, "lanelet|distinct|off the road"),
         (
@@ -169,8 +168,13 @@ def test_parts_that_the_format_does_not_need(write: Write) -> None:
 
 def test_2018b_without_tags_and_environment_unknown(write: Write) -> None:
     road = tuple(part.replace("<laneletType>unknown</laneletType>", "") for part in ROAD)
-    scene = load(write(version="2018b", header="", lanelets=road))
+    moving = car(7, state("initialState", 0, 20.0, 0.0, **STATE), state("state", 1, 21, 0, **STATE))
+    moving = moving.replace("dynamicObstacle", "obstacle")
+    moving = moving.replace("<type>", "<role>dynamic</role><type>")
+    scene = load(write(version="2018b", header="", lanelets=road, obstacles=(moving,)))
     assert (scene.weather, scene.country) == (None, "DEU")
+    assert scene.obstacles[0].states is not None
+    assert scene.obstacles[0].states[:, 0].tolist() == [20.0, 21.0]
 
 
 def test_protobuf_holds_the_same_scene(tmp_path: Path, write: Write) -> None:

@@ -171,6 +171,7 @@ def test_100_000_points_in_half_a_second() -> None:
     assert min(durations) < 0.5
 
 
+@pytest.mark.slow  # The import of the reference alone takes several seconds.
 def test_agrees_with_commonroad_clcs() -> None:
     """The reference projects along interpolated normals too, but on a resampled line."""
     clcs = pytest.importorskip("commonroad_clcs.clcs")

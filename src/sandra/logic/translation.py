@@ -83,7 +83,7 @@ class _Progression:
         self._obligation_variable = {f: first + i for i, f in enumerate(obligations)}
         self._obligation: list[Formula] = obligations
         chains: list[object] = [_atom_order(atom)[:2] for atom in self.atoms]
-        chains += ["end", *(_obligation_order(f)[:4] for f in obligations)]
+        chains += ["end", *(_obligation_order(f)[:3] for f in obligations)]
         self.diagrams = Diagrams(chains)
         self._now: dict[Formula, int] = {}
         self._after: dict[int, int] = {}
@@ -214,14 +214,14 @@ def _atom_order(atom: Atom) -> tuple[int, str, float, str]:
     return (0, str(atom), 0.0, "")
 
 
-def _obligation_order(formula: Formula) -> tuple[str, str, int, int, float]:
+def _obligation_order(formula: Formula) -> tuple[str, str, int, float]:
     """Operators that differ in their last step stand together; each implies the next."""
     if isinstance(formula, Finally | Globally):
         last = math.inf if formula.upper is None else formula.upper
         rank = last if isinstance(formula, Finally) else -last
-        return (formula.symbol, str(formula.operand), formula.lower, 0, rank)
+        return (formula.symbol, str(formula.operand), formula.lower, rank)
     # A chain of its own: no other formula has this text.
-    return ("", str(formula), 0, 0, 0.0)
+    return ("", str(formula), 0, 0.0)
 
 
 def _explore(progression: _Progression) -> tuple[list[int], list[int]]:

@@ -32,6 +32,9 @@ ATTEMPTS = 3
 BACKOFF = 0.2
 """Pause before the second attempt, doubled for the third [s]; `Retry-After` goes first."""
 
+_GRACE = 0.25
+"""After the deadline, a request that nobody waits for any more ends itself [s]."""
+
 _OPENAI_HOST = "api.openai.com"
 _PASSING = (Failure.RATE_LIMITED, Failure.SERVER_ERROR, Failure.UNREACHABLE)
 
@@ -144,7 +147,8 @@ class ChatRanker:
         import openai
 
         body = {**self._body(prompt, with_schema), **self._options}
-        left = max(until - time.monotonic(), 0.001)
+        # A little longer than the caller waits: being late is then always noticed there.
+        left = max(until - time.monotonic(), 0.0) + _GRACE
         reply = Reply()
         try:
             with self._completions.create(**body, stream=True, timeout=left) as response:

@@ -293,9 +293,12 @@ def _clean(line: Array, apart: float = _SAME_POINT) -> Array:
     for k in range(1, len(line)):
         if math.dist(line[k], line[keep[-1]]) >= apart:
             keep.append(k)
-    if len(line) and keep[-1] != len(line) - 1:
-        keep[-1 if len(keep) > 1 else 1 :] = [len(line) - 1]
-    if len(keep) < 2 or math.dist(line[keep[0]], line[keep[-1]]) < _SAME_POINT:
+    last = len(line) - 1
+    if len(keep) > 1:
+        keep[-1] = last
+    elif keep and math.dist(line[0], line[last]) >= _SAME_POINT:
+        keep.append(last)
+    if len(keep) < 2:
         raise ScenarioError("a centre line has fewer than two distinct points: mend that lanelet")
     return line[keep]
 

@@ -236,6 +236,8 @@ def make_lane(network: Network, relation: str, ids: Sequence[int], side: str | N
     """The lane made of these lanelets, its borders joined without repeated points."""
     left, right = _joined(network, ids)
     center = (left + right) / 2
+    for line in (left, right, center):
+        line.setflags(write=False)
     return Lane(
         relation=relation,
         lanelets=tuple(ids),

@@ -70,6 +70,8 @@ def checked(path: Path, head: bytes, rest: IO[bytes]) -> tuple[Facts, bytes]:
     for node in root:
         if node.tag in (*_OBSTACLES, "planningProblem"):
             initial[_id(path, node)] = _check_states(path, node)
+        elif node.tag == "lanelet":
+            _check_borders(path, node)
     _check_problems(path, root)
     location = root.find("location")
     environment = location.find("environment") if location is not None else None
@@ -108,6 +110,19 @@ def _check_header(path: Path, root: Element) -> None:
     if root.find("planningProblem") is None:
         raise ScenarioError(
             f"{path}: no planning problem; add one that tells the ego's initial state"
+        )
+
+
+def _check_borders(path: Path, node: Element) -> None:
+    borders = [
+        [[_float(p.findtext(axis)) for axis in "xy"] for p in node.iterfind(f"{side}Bound/point")]
+        for side in ("left", "right")
+    ]
+    same = len(borders[0]) == len(borders[1]) >= 2
+    if not same or not np.isfinite(borders).all():
+        raise ScenarioError(
+            f"{path}: lanelet {node.get('id')} needs two borders with the same number (>= 2) of "
+            "finite points; mend it"
         )
 
 

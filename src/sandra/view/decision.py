@@ -69,18 +69,8 @@ def decision_figure(
     """
     where = checked(path, dpi)
     view = View.of(decision.scene)
-    ranked = decision.ranking.pairs
     executed = decision.executed
-    rows = _in_order(
-        [
-            table.Row(
-                verdict,
-                ranked.index(verdict.pair) + 1 if verdict.pair in ranked else None,
-                verdict is executed,
-            )
-            for verdict in decision.verdicts
-        ]
-    )
+    rows = _in_order(_ranked_rows(decision))
     positions = [view.positions(row.verdict.reachable_set) for row in rows]
     main, caption = _longest_lived(rows, positions)
     caption = f"fail-safe; {caption}"
@@ -108,6 +98,20 @@ def verdict_figure(
     lines = header.of_verdicts(verdicts)
     content = _Content(verdicts.ground, rows, lines, positions, main, caption, None)
     return _draw(content, view, three_d).save(where, dpi)
+
+
+def _ranked_rows(decision: Decision) -> list[table.Row]:
+    ranked = decision.ranking.pairs
+    executed = decision.executed
+    last = len(ranked) if executed is None else ranked.index(executed.pair)
+    rows = []
+    for verdict in decision.verdicts:
+        rank = ranked.index(verdict.pair) if verdict.pair in ranked else None
+        passed = rank is not None and rank < last and verdict.status is not Status.UNSAFE
+        rows.append(
+            table.Row(verdict, None if rank is None else rank + 1, verdict is executed, passed)
+        )
+    return rows
 
 
 def _in_order(rows: list[table.Row]) -> list[table.Row]:
@@ -139,19 +143,14 @@ def _draw(content: _Content, view: View, three_d: bool) -> Page:
     focus = _focus(content, view)
     laid = header.laid_out(content.header, inner)
     map_width = (_MAP_SHARE if three_d else 1.0) * inner - TICKS
-    limits = (3.1, 4.9) if three_d else (2.4, 6.0)
-    window, map_height = fit(grown(focus, 8.0, 4.5), map_width, limits, least=50.0)
+    window, map_height = fit(grown(focus, 8.0, 4.5), map_width, (2.4, 5.0), least=50.0)
     panels = _Panels.of(len(content.rows), grown(focus, 3.0, 2.0), inner)
     entries = _entries(content)
-    strip = legend.height(WIDTH, MARGIN, entries, bar=True)
-    heights = (
-        header.height(laid),
-        _CAPTION + map_height + TICKS,
-        strip,
-        panels.height,
-        _GAP + table.height(content.rows, inner),
-    )
-    page = Page(WIDTH, 2 * MARGIN + sum(heights))
+    strip = legend.height(map_width, entries, bar=True)
+    scenery = max(_CAPTION + map_height + TICKS + strip, 3.6 if three_d else 0.0)
+    table_height = table.height(content.rows, inner)
+    parts = (header.height(laid), scenery, _GAP + panels.height, _GAP + table_height)
+    page = Page(WIDTH, 2 * MARGIN + sum(parts))
 
     top = header.draw(page, MARGIN, MARGIN, inner, view.scene.name, laid)
     others = near(view, window, content.base.prediction)
@@ -161,17 +160,18 @@ def _draw(content: _Content, view: View, three_d: bool) -> Page:
     place = (left, top + _CAPTION, map_width, map_height)
     shown = (content.main, content.maneuver, horizon, colours)
     draw_chart(page, place, view, window, others, *shown)
+    below = top + _CAPTION + map_height + TICKS
+    legend.draw(page, left, below, map_width, entries, horizon, colours)
     if three_d:
         left += map_width + _GAP
-        ax = page.axes(left, top, WIDTH - MARGIN - left, map_height + 0.5, projection="3d")
+        page.text(left + 0.2, top + 0.04, "the same, time upwards", size=9.0, bold=True)
+        ax = page.axes(left, top + 0.2, WIDTH - MARGIN - left, scenery - 0.2, projection="3d")
         draw_stack(ax, view, _ground_window(grown(focus, 4.0, 3.0)), others, *shown)
-    top += heights[1]
-    legend.draw(page, MARGIN, top, entries, horizon, colours)
-    top += strip
+    top += scenery + _GAP
     for index in range(len(content.rows)):
         _panel(page, content, view, index, panels, top, colours)
-    top += panels.height
-    table.draw(page, MARGIN, top + _GAP, inner, content.rows)
+    top += panels.height + _GAP
+    table.draw(page, MARGIN, top, inner, content.rows)
     return page
 
 
@@ -189,14 +189,14 @@ class _Panels:
     def of(count: int, window: Window, inner: float) -> _Panels:
         columns = {0: 1, 1: 2, 2: 2, 4: 4}.get(count, 3)
         wide = (inner - TICKS - (columns - 1) * _GAP) / columns
-        window, high = fit(window, wide, (0.95, 2.3))
+        window, high = fit(window, wide, (0.95, 2.3 if count <= 6 else 1.5), least=30.0)
         return _Panels(count, columns, window, wide, high)
 
     @property
     def height(self) -> float:
         """Of the whole grid [inch]."""
         rows = -(-self.count // self.columns)
-        return rows * self._pitch + TICKS if rows else 0.0
+        return rows * self._pitch + 0.1 if rows else 0.0
 
     @property
     def _pitch(self) -> float:
@@ -281,7 +281,7 @@ def _entries(content: _Content) -> list[tuple[str, str]]:
     if content.base.prediction.obstacles:
         entries.append(("occupancy", "where others may be until the horizon"))
     if content.rows:
-        entries.append(("last", "last non-empty set (positions of the ego's centre)"))
+        entries.append(("last", "last non-empty set (of the ego's centre)"))
     contested = any(
         row.verdict.first_empty_step is not None
         and row.verdict.reachable_set.contested is not None
@@ -289,8 +289,8 @@ def _entries(content: _Content) -> list[tuple[str, str]]:
         for row in content.rows
     )
     if contested:
-        entries.append(("contested", "set before what is forbidden was cut away, first empty step"))
-        entries.append(("blocking", "what is in the way then"))
+        entries.append(("contested", "the set at the first empty step, before cuts"))
+        entries.append(("blocking", "what is in its way then"))
     if content.maneuver is not None:
         safe = content.maneuver.pair is None
         entries.append(

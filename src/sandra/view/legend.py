@@ -9,43 +9,61 @@ from sandra.view.lettering import FAMILY, font, width
 from sandra.view.page import Page
 
 SIZE = 8.0
-HEIGHT = 0.5
-"""Of the strip [inch]."""
 _BAR = 2.2
+"""Width of the colour bar with its label [inch]."""
+_SAMPLE = 0.36
+_LINE = 0.2
 
 
 def draw(
     page: Page,
     left: float,
     top: float,
+    wide: float,
     entries: list[tuple[str, str]],
     horizon: int | None,
     colours: Any,
 ) -> None:
-    """Entries are (kind, text); kinds: see `_sample`. The bar is drawn if there is a horizon."""
-    x = left
-    middle = top + 0.16
-    for kind, text in entries:
-        wide = 0.36 + width(text, SIZE) + 0.22
-        if x + wide > page.width - left - (_BAR + 0.2 if horizon is not None else 0.0) and x > left:
-            x, middle = left, middle + 0.2
-        _sample(page, x, middle, kind)
-        page.text(x + 0.36, middle, text, size=SIZE, va="center_baseline", color=palette.FAINT_INK)
-        x += wide
+    """Draw the strip, `wide` inches wide. The bar at its right is drawn if there is a horizon.
+
+    Entries are (kind, text); for the kinds see `_BOXES`, others are lines.
+    """
+    for x, line, (kind, text) in _placed(entries, wide, horizon is not None):
+        middle = top + 0.14 + line * _LINE
+        _sample(page, left + x, middle, kind)
+        page.text(
+            left + x + _SAMPLE,
+            middle,
+            text,
+            size=SIZE,
+            va="center_baseline",
+            color=palette.FAINT_INK,
+        )
     if horizon is not None:
-        _bar(page, page.width - left - _BAR, top + 0.04, horizon, colours)
+        _bar(page, left + wide - _BAR, top + 0.06, horizon, colours)
 
 
-def height(page_width: float, left: float, entries: list[tuple[str, str]], *, bar: bool) -> float:
+def height(wide: float, entries: list[tuple[str, str]], *, bar: bool) -> float:
     """Height that the strip needs [inch]."""
-    room = page_width - 2 * left - (_BAR + 0.2 if bar else 0.0)
-    x, lines = 0.0, 1
-    for _, text in entries:
-        wide = 0.36 + width(text, SIZE) + 0.22
-        if x + wide > room and x > 0.0:
-            x, lines = 0.0, lines + 1
-        x += wide
-    return max(HEIGHT if bar else 0.34, 0.14 + 0.2 * lines)
+    lines = max((line for _, line, _ in _placed(entries, wide, bar)), default=0) + 1
+    return max(0.45 if bar else 0.0, 0.14 + _LINE * lines)
+
+
+def _placed(
+    entries: list[tuple[str, str]], wide: float, bar: bool
+) -> list[tuple[float, int, tuple[str, str]]]:
+    """(x, line, entry) of each entry."""
+    x, line = 0.0, 0
+    found = []
+    for entry in entries:
+        needed = _SAMPLE + width(entry[1], SIZE)
+        # The bar and its numbers stand beside the first two lines.
+        room = wide - (_BAR + 0.2 if bar and line < 2 else 0.0)
+        if x > 0.0 and x + needed > room:
+            x, line = 0.0, line + 1
+        found.append((x, line, entry))
+        x += needed + 0.22
+    return found
 
 
 def _bar(page: Page, left: float, top: float, horizon: int, colours: Any) -> None:

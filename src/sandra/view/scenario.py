@@ -47,14 +47,14 @@ def scene_figure(
         entries.append(("occupancy", "where others may be until the horizon"))
     if scene.goal is not None:
         entries.append(("goal", "goal"))
-    strip = legend.height(WIDTH, MARGIN, entries, bar=False)
+    strip = legend.height(inner - TICKS, entries, bar=False)
     page = Page(WIDTH, 2 * MARGIN + header.height(laid) + high + TICKS + strip)
     top = header.draw(page, MARGIN, MARGIN, inner, scene.name, laid)
     others = () if prediction is None else near(view, window, prediction)
     place = (MARGIN + TICKS, top, inner - TICKS, high)
     horizon = 0 if prediction is None else prediction.horizon
     draw_chart(page, place, view, window, others, [], None, horizon, palette.time_map())
-    legend.draw(page, MARGIN, top + high + TICKS, entries, None, None)
+    legend.draw(page, MARGIN + TICKS, top + high + TICKS, inner - TICKS, entries, None, None)
     return page.save(where, dpi)
 
 

@@ -19,7 +19,7 @@ from sandra.view.shapes import (
     touches,
 )
 
-ARROW_EVERY = 14.0
+ARROW_EVERY = 12.0
 """Distance of the arrows along a lane [m]."""
 OCCUPANCY_STEPS = 6
 """So many steps of an occupancy are drawn, besides the first."""
@@ -85,10 +85,10 @@ def draw_map(ax: Any, view: View, window: Window, *, arrows: bool = True) -> Non
         goal = path_of(view.region(scene.goal))
         _patch(ax, goal, facecolor=palette.GOAL, edgecolor="none", alpha=0.55, zorder=1.4)
     ax.add_collection(
-        LineCollection(borders, colors=palette.BORDER, linewidths=0.6, zorder=1.5), autolim=False
+        LineCollection(borders, colors=palette.BORDER, linewidths=0.6, zorder=2.2), autolim=False
     )
     ax.add_collection(
-        PolyCollection(chevrons, facecolors=palette.ARROW, edgecolors="none", zorder=1.6),
+        PolyCollection(chevrons, facecolors=palette.ARROW, edgecolors="none", zorder=2.1),
         autolim=False,
     )
 

@@ -70,24 +70,22 @@ def draw_blocking(ax: Any, view: View, verdict: Verdict, base: Ground) -> None:
     step = verdict.first_empty_step
     if step is None:
         return
+    import shapely
+
+    culprits = [base.prediction.obstacles[index] for index in blocking(verdict, base)]
+    room = shapely.union_all([view.occupancy(obstacle, step) for obstacle in culprits])
+    light = (*palette.faded(palette.BLOCKING, 0.2), 0.28)
+    patch(ax, room, facecolor=light, edgecolor="none", zorder=3.8)
+    patch(ax, room, facecolor="none", edgecolor=palette.BLOCKING, linewidth=1.1, zorder=5.3)
     patch(
         ax,
         view.contested(verdict.reachable_set),
         facecolor="none",
         edgecolor=palette.BLOCKING,
-        linewidth=0.8,
-        linestyle=(0, (1.5, 1.5)),
+        linewidth=0.9,
+        linestyle=(0, (1.5, 1.2)),
         zorder=5.4,
     )
-    for index in blocking(verdict, base):
-        patch(
-            ax,
-            view.occupancy(base.prediction.obstacles[index], step),
-            facecolor=(*palette.faded(palette.BLOCKING, 0.3), 0.35),
-            edgecolor=palette.BLOCKING,
-            linewidth=1.1,
-            zorder=5.3,
-        )
 
 
 def blocking(verdict: Verdict, base: Ground) -> list[int]:

@@ -25,6 +25,8 @@ class Row:
     verdict: Verdict
     rank: int | None
     executed: bool
+    passed_over: bool = False
+    """It holds and was ranked before what is executed, but no trajectory was found for it."""
 
 
 def height(rows: list[Row], width: float) -> float:
@@ -90,14 +92,14 @@ def _lefts(left: float) -> list[float]:
 
 def _reason(row: Row, width: float) -> list[str]:
     text = row.verdict.reason
-    if text is None:
-        text = (
-            "executed: non-empty through the horizon"
-            if row.executed
-            else "non-empty through the horizon"
-        )
-        if row.verdict.first_empty_step is not None:
-            text = "the cause was not asked for"
+    if text is None and row.verdict.first_empty_step is not None:
+        text = "the cause was not asked for"
+    elif text is None:
+        text = "non-empty through the horizon"
+        if row.executed:
+            text += "; executed"
+        elif row.passed_over:
+            text += "; not executed, as no trajectory was found in its corridor"
     room = width - (_lefts(0.0)[-1])
     return wrapped(text, room, SIZE, bold=row.executed, lines=_LINES)
 

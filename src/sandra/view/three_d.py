@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 SLICES = 13
 """So many steps of the sets are drawn as slices."""
 OCCUPANCY_SLICES = 7
+_LARGE = 60.0
+"""From this size on an occupancy is almost clear [m^2]."""
 MOST_OBSTACLES = 12
 """So many of the others that are nearest to the ego are drawn."""
 ELEVATION, AZIMUTH = 26.0, -118.0
@@ -42,13 +44,16 @@ def draw_stack(
     edges: list[tuple[float, ...]] = []
 
     for k in _slices(horizon, OCCUPANCY_SLICES):
-        fill = (*palette.faded(palette.OCCUPANCY, 0.25), 0.16)
-        edge = (*palette.faded(palette.OCCUPANCY, 0.0), 0.55)
         for obstacle in _nearest(view, obstacles):
             if k < len(obstacle.at):
-                _add(faces, view.occupancy(obstacle, k), window, k)
-        fills += [fill] * (len(faces) - len(fills))
-        edges += [edge] * (len(faces) - len(edges))
+                room = view.occupancy(obstacle, k)
+                _add(faces, room, window, k)
+                # Large sets are almost clear, else their stack hides all that is within.
+                alpha = 0.2 if room.area < _LARGE else 0.06
+                fill = (*palette.faded(palette.OCCUPANCY, 0.2), alpha)
+                edge = (*palette.faded(palette.OCCUPANCY, 0.0), 2.5 * alpha)
+                fills += [fill] * (len(faces) - len(fills))
+                edges += [edge] * (len(faces) - len(edges))
     for k in _slices(horizon, SLICES):
         if k < len(positions):
             rgb = colours(k / max(1, horizon))[:3]
@@ -139,17 +144,19 @@ def _finish(ax: Any, window: Window, horizon: int) -> None:
     ax.set_zlim(0, max(1, horizon))
     # Lengths on the ground stay true to each other; the height is for the eye.
     longest = max(wide, deep)
-    ax.set_box_aspect((wide / longest, max(deep / longest, 0.25), 0.62), zoom=1.12)
+    ax.set_box_aspect((wide / longest, max(deep / longest, 0.25), 0.62), zoom=1.1)
     ax.view_init(elev=ELEVATION, azim=AZIMUTH)
     ax.set_proj_type("persp", focal_length=0.6)
-    for axis, count, label in (
-        (ax.xaxis, 6, "ahead [m]"),
-        (ax.yaxis, 3, "left [m]"),
-        (ax.zaxis, 5, "time step"),
+    for axis, count, label, away in (
+        (ax.xaxis, 6, "ahead [m]", -3.0),
+        (ax.yaxis, 3, "left [m]", -6.0),
+        (ax.zaxis, 5, "time step", -6.0),
     ):
         axis.set_major_locator(MaxNLocator(count, integer=True))
         axis.set_label_text(label, fontproperties=font(7.5), color=palette.FAINT_INK)
+        axis.labelpad = away
         axis.set_pane_color((1.0, 1.0, 1.0, 0.0))
         axis.line.set_color(palette.BORDER)
         axis._axinfo["grid"].update({"color": palette.RULE, "linewidth": 0.4})
-    ax.tick_params(labelsize=6.5, labelfontfamily=FAMILY, labelcolor=palette.FAINT_INK, pad=0)
+        axis._axinfo["tick"].update({"inward_factor": 0.0, "outward_factor": 0.1})
+    ax.tick_params(labelsize=6.5, labelfontfamily=FAMILY, labelcolor=palette.FAINT_INK, pad=-2)

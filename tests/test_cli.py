@@ -1,0 +1,313 @@
+"""The command line as a user meets it: real processes for what matters, `main` for the rest."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from sandra.cli import main
+from sandra.scenarios import examples
+
+NAMES = {"keep", "accelerate", "decelerate", "stop", "follow-lane", "left-lane", "right-lane"}
+SCENARIO = "intersection"
+
+
+def run(*words: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "sandra.cli", *words],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        env={**os.environ, **environment},
+        check=False,
+    )
+
+
+@pytest.fixture
+def source() -> str:
+    return examples()[SCENARIO].read_text(encoding="utf-8")
+
+
+def write(folder: Path, text: str, name: str = "scenario.xml") -> str:
+    path = folder / name
+    path.write_text(text, encoding="utf-8")
+    return str(path)
+
+
+def refused(capsys: pytest.CaptureFixture[str], *words: str) -> str:
+    """The one line of an error with exit status 2."""
+    try:
+        status = main(words)
+    except SystemExit as stop:
+        status = int(stop.code or 0)
+    output = capsys.readouterr()
+    assert status == 2, output
+    assert output.out == ""
+    lines = output.err.strip().splitlines()
+    assert len(lines) == 1, output.err
+    assert "Traceback" not in output.err
+    return lines[0]
+
+
+def test_verify_all_json_is_one_object_with_twelve_verdicts(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(["verify", SCENARIO, "--all", "--json"]) == 0
+    verdicts = json.loads(capsys.readouterr().out)["verdicts"]
+    assert len({(v["longitudinal"], v["lateral"]) for v in verdicts}) == 12
+    for verdict in verdicts:
+        assert {verdict["longitudinal"], verdict["lateral"]} <= NAMES
+        assert verdict["status"] in ("UNSAFE", "REACHABLE", "CERTIFIED")
+        assert (verdict["status"] == "UNSAFE") == (verdict["first_empty_step"] is not None)
+        assert (verdict["status"] == "UNSAFE") == (verdict["reason"] is not None)
+        assert verdict["duration_s"] > 0
+
+
+def test_decide_json_keeps_the_contract(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["decide", SCENARIO, "--command", "drive faster", "--json"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert data["ranker"].startswith("rules")
+    assert data["failure"] is None
+    assert 1 <= len(data["ranking"]) <= 3
+    assert set(data["durations_s"]) == {"describe", "rank", "predict", "verify", "plan"}
+    assert data["executed"]["kind"] in ("certified", "reachable", "fail-safe")
+    ranked = [(p["longitudinal"], p["lateral"]) for p in data["ranking"]]
+    verified = [(v["longitudinal"], v["lateral"]) for v in data["verdicts"]]
+    assert verified == ranked
+    holds = [v for v in data["verdicts"] if v["status"] != "UNSAFE"]
+    if holds:
+        assert data["executed"]["longitudinal"] == holds[0]["longitudinal"]
+        assert data["executed"]["lateral"] == holds[0]["lateral"]
+    else:
+        assert data["executed"]["kind"] == "fail-safe"
+
+
+def test_decide_exits_0_also_when_the_fail_safe_is_chosen(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(["decide", "nothing-safe", "--walk", "all", "--json"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert data["executed"] == {"kind": "fail-safe", "longitudinal": None, "lateral": None}
+    assert len(data["verdicts"]) == 12
+    assert {v["status"] for v in data["verdicts"]} == {"UNSAFE"}
+    assert all(v["reason"] for v in data["verdicts"])
+
+
+def test_verify_of_an_unsafe_pair_exits_1(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["verify", "nothing-safe", "--pair", "keep,follow-lane"]) == 1
+    assert "UNSAFE" in capsys.readouterr().out
+
+
+def test_prompt_prints_text_and_schema(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["prompt", SCENARIO, "--command", "drive faster", "--json"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert "drive faster" in data["system"]
+    assert data["schema"]["additionalProperties"] is False
+    assert main(["prompt", SCENARIO]) == 0
+    assert "follow-lane" in capsys.readouterr().out
+
+
+def test_an_unreachable_server_is_a_named_failure_and_the_decision_goes_on(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    words = ["--ranker", "openai:any", "--base-url", "http://127.0.0.1:9/v1", "--deadline", "3"]
+    assert main(["decide", SCENARIO, *words, "--json"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert data["failure"] in ("unreachable", "timeout")
+    assert data["ranking"] == []
+    assert data["executed"]["kind"] == "fail-safe"
+
+
+def test_the_picture_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    picture = tmp_path / "decision.png"
+    assert main(["decide", SCENARIO, "--figure", str(picture)]) == 0
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert str(picture) in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("command", ["decide", "verify", "prompt", "scenarios"])
+def test_every_command_has_an_example_in_its_help(
+    command: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as stop:
+        main([command, "--help"])
+    assert stop.value.code == 0
+    assert f"example: sandra {command}" in " ".join(capsys.readouterr().out.split())
+
+
+def test_no_such_file(capsys: pytest.CaptureFixture[str]) -> None:
+    assert "nowhere.xml" in refused(capsys, "decide", "nowhere.xml")
+
+
+def test_a_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    refused(capsys, "decide", str(tmp_path))
+
+
+def test_not_xml(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    refused(capsys, "decide", write(tmp_path, "this is no scenario"))
+
+
+def test_empty_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    refused(capsys, "decide", write(tmp_path, ""))
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.99])
+def test_truncated_xml(
+    share: float, tmp_path: Path, source: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    refused(capsys, "decide", write(tmp_path, source[: int(share * len(source))]))
+
+
+def test_no_planning_problem(
+    tmp_path: Path, source: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = re.sub(r"<planningProblem .*</planningProblem>", "", source, flags=re.DOTALL)
+    assert text != source
+    assert "planning problem" in refused(capsys, "decide", write(tmp_path, text))
+
+
+def in_problem(source: str, tag: str, value: str) -> str:
+    """The source with the exact value of a tag in the planning problem's initial state."""
+    head, mark, tail = source.partition("<planningProblem ")
+    pattern = rf"(<{tag}>\s*(?:<exact>|<point>\s*<x>))[^<]*"
+    changed, count = re.subn(pattern, rf"\g<1>{value}", tail, count=1)
+    assert count == 1
+    return head + mark + changed
+
+
+@pytest.mark.parametrize(
+    ("tag", "value"),
+    [
+        ("position", "99999.0"),
+        ("position", "NaN"),
+        ("position", "inf"),
+        ("velocity", "-3.0"),
+        ("velocity", "NaN"),
+    ],
+)
+def test_impossible_initial_states(
+    tag: str, value: str, tmp_path: Path, source: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    refused(capsys, "decide", write(tmp_path, in_problem(source, tag, value)))
+
+
+def test_dt_zero(tmp_path: Path, source: str, capsys: pytest.CaptureFixture[str]) -> None:
+    text, count = re.subn(r'timeStepSize="[^"]*"', 'timeStepSize="0"', source)
+    assert count == 1
+    refused(capsys, "decide", write(tmp_path, text))
+
+
+def test_no_lanelets(tmp_path: Path, source: str, capsys: pytest.CaptureFixture[str]) -> None:
+    text = re.sub(r"<lanelet id.*?</lanelet>", "", source, flags=re.DOTALL)
+    assert text != source
+    refused(capsys, "decide", write(tmp_path, text))
+
+
+def test_200_megabytes_of_noise_are_refused_at_once(tmp_path: Path) -> None:
+    path = tmp_path / "noise.xml"
+    with path.open("wb") as file:
+        file.write(os.urandom(1 << 16))
+        file.truncate(200 << 20)
+    result = run("decide", str(path))
+    assert result.returncode == 2
+    assert len(result.stderr.strip().splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("words", "hint"),
+    [
+        (["verify", SCENARIO, "--pair", "fly,follow-lane"], "accelerate"),
+        (["verify", SCENARIO, "--pair", "keep"], "accelerate"),
+        (["verify", SCENARIO], "--all"),
+        (["verify", SCENARIO, "--all", "--horizon", "0"], "horizon"),
+        (["verify", SCENARIO, "--all", "--horizon", "-3"], "horizon"),
+        (["verify", SCENARIO, "--all", "--horizon", "many"], "horizon"),
+        (["verify", SCENARIO, "--all", "--rules", "R_G9"], "R_G1"),
+        (["verify", SCENARIO, "--all", "--rules", "G(("], "column"),
+        (["verify", SCENARIO, "--all", "--rules", "G(in_lane(middle))"], "lane"),
+        (["verify", SCENARIO, "--all", "--prediction", "oracle"], "set-based"),
+        (["decide", SCENARIO, "--settings", "nowhere.toml"], "nowhere.toml"),
+        (["decide", SCENARIO, "--vocabulary", "nowhere.toml"], "nowhere.toml"),
+        (["decide", SCENARIO, "--accept", "certified"], "not there yet"),
+        (["decide", SCENARIO, "--accept", "anything"], "reachable"),
+        (["decide", SCENARIO, "--walk", "anything"], "ranked"),
+        (["decide", SCENARIO, "--k", "0"], "k"),
+        (["decide", SCENARIO, "--deadline", "-1"], "deadline"),
+        (["decide", SCENARIO, "--deadline", "nan"], "deadline"),
+        (["decide", SCENARIO, "--ranker", "oracle"], "rules"),
+        (["decide", SCENARIO, "--ranker", "replay:nowhere.csv"], "nowhere.csv"),
+        (["decide", SCENARIO, "--problem", "123456"], "123456"),
+        (["decide", SCENARIO, "--figure", "picture.docx"], ".png"),
+        (["decide", SCENARIO, "--past", "keep"], "keep"),
+        (["fly"], "decide"),
+    ],
+)
+def test_bad_words(
+    words: list[str], hint: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert hint in refused(capsys, *words)
+
+
+@pytest.mark.parametrize(
+    "text", ["a_lim = [", "a_lim = 'big'", "unknown = 1", "a_lon_min = 7.0", "horizon = 0"]
+)
+def test_bad_settings_files(
+    text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    refused(capsys, "decide", SCENARIO, "--settings", write(tmp_path, text, "settings.toml"))
+
+
+def test_missing_api_key(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.delenv("OPENAI_API_KEY", raising=False)
+    monkeypatch.delenv("OPENAI_BASE_URL", raising=False)
+    line = refused(capsys, "decide", SCENARIO, "--ranker", "openai:any-model")
+    assert "OPENAI_API_KEY" in line
+
+
+def test_a_horizon_beyond_the_recording_says_what_is_assumed(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(["verify", SCENARIO, "--all", "--horizon", "75", "--json"]) == 0
+    assumed = json.loads(capsys.readouterr().out)["assumed"]
+    assert any("keep its velocity" in note or "keep their velocity" in note for note in assumed)
+
+
+def cpu_seconds(*words: str) -> float:
+    """Least CPU time of three fresh processes."""
+    code = "import os, subprocess, sys; subprocess.run(sys.argv[1:], capture_output=True); "
+    code += "t = os.times(); print(t.children_user + t.children_system)"
+    times = []
+    for _ in range(3):
+        result = subprocess.run(
+            [sys.executable, "-c", code, sys.executable, *words],
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        times.append(float(result.stdout))
+    return min(times)
+
+
+def test_import_and_help_are_quick() -> None:
+    # No timing of our work: that no heavy package is imported is what keeps them quick.
+    heavy = "{'numpy', 'openai', 'pydantic', 'matplotlib', 'commonroad', 'shapely', 'scipy'}"
+    code = f"import sys, sandra; import sandra.cli; assert not {heavy} & set(sys.modules)"
+    assert run_python(code) == 0
+    assert cpu_seconds("-c", "import sandra") < 0.5
+    assert cpu_seconds("-m", "sandra.cli", "--help") < 0.7
+
+
+def run_python(code: str) -> int:
+    return subprocess.run([sys.executable, "-c", code], check=False).returncode
+
+
+def test_output_into_a_closed_pipe_is_no_error() -> None:
+    command = f"{sys.executable} -m sandra.cli scenarios | head -n 0"
+    result = subprocess.run(command, shell=True, capture_output=True, text=True, check=False)
+    assert "Traceback" not in result.stderr
