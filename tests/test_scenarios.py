@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import shapely
 
+from sandra.reach import Status, verify
 from sandra.scene import Region, Scene
 from sandra.scene import load as load_anew
 
@@ -242,3 +243,22 @@ def test_other_formats_tell_the_same(name: str) -> None:
     for one, two in zip(scene.obstacles, other.obstacles, strict=True):
         assert (one.id, one.kind) == (two.id, two.kind)
         np.testing.assert_allclose(one.states, two.states, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("name", "prediction", "reachable"),
+    [
+        (
+            "Intersection",
+            "most-likely",
+            {"decelerate,follow-lane", "decelerate,right-lane"}
+            | {"stop,follow-lane", "stop,right-lane"},
+        ),
+        ("RuralOncoming", "most-likely", {"decelerate,follow-lane"}),
+        ("RuralOncoming", "set-based", {"decelerate,follow-lane"}),
+        ("NothingSafe", "most-likely", set()),
+    ],
+)
+def test_expected_verdicts(name: str, prediction: str, reachable: set[str]) -> None:
+    verdicts = verify(load(NAMES[name]), prediction=prediction, horizon=25, reasons=False)
+    assert {str(v.pair) for v in verdicts if v.status is Status.REACHABLE} == reachable

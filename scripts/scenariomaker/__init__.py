@@ -12,6 +12,6 @@ SCENARIOS = {
     "urban-parked": urban_parked,
     "nothing-safe": nothing_safe,
     "recorded-ego": recorded_ego,
-    "roadworks-truck": roadworks,
+    "roadworks": roadworks,
 }
 """Short name -> function that makes it."""

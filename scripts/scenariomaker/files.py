@@ -44,7 +44,9 @@ Array = NDArray[np.float64]
 DATE = "2026-11-21"
 AUTHOR = "The SanDRA developers"
 SOURCE = "scripts/make_scenarios.py"
-TYPES = {kind.value: kind for kind in ObstacleType} | {"tractor": ObstacleType.TRUCK}
+TYPES = {kind.value: kind for kind in ObstacleType}
+# CommonRoad has no word of its own for these.
+TYPES |= {"tractor": ObstacleType.TRUCK, "van": ObstacleType.TRUCK}
 
 
 @dataclass

@@ -78,9 +78,9 @@ def intersection() -> Draft:
     ego = Driver("car", left, ego_s, 7.7, KMH_50, stop=ARM)
     others = [
         # The queue in the ego's lane, and the bus in the lane to its right.
-        Driver("car", left, ego_s + 12.0, 4.6, KMH_50, d=0.2, stop=ARM, braking=2.5),
-        Driver("car", left, ego_s + 20.2, 2.6, KMH_50, stop=ARM, braking=2.5),
-        Driver("bus", right, ego_s + 20.8, 2.2, 2.4, d=0.35, stop=ARM),
+        Driver("van", left, ego_s + 12.7, 4.8, KMH_50, d=0.2, stop=ARM, braking=2.5),
+        Driver("car", left, ego_s + 22.3, 3.0, KMH_50, stop=ARM, braking=2.5),
+        Driver("bus", right, ego_s + 18.8, 2.2, 2.4, d=0.5, stop=ARM),
         Driver("car", left, ego_s - 17.0, 8.5, KMH_50, stop=ARM),
         Driver("car", right, ego_s - 12.5, 8.0, KMH_50, stop=ARM),
         # Those who have green: cross traffic, one of it turning towards the ego's arm.
@@ -92,8 +92,8 @@ def intersection() -> Draft:
         Driver("taxi", crossing.path(3, -5.25, "right"), 80.0, 6.0, KMH_50),
         Driver("bicycle", crossing.path(3, -5.25, "straight"), 30.0, 4.8, 5.0, d=-1.1),
         # Two cars that have turned before, now oncoming; and the queue at the red light opposite.
-        Driver("car", crossing.path(1, -1.75, "left"), 128.0, 10.0, KMH_50, d=0.3),
-        Driver("car", crossing.path(1, -1.75, "left"), 115.7, 6.5, KMH_50, d=0.3),
+        Driver("car", crossing.path(1, -1.75, "left"), 128.0, 10.0, KMH_50, d=0.45),
+        Driver("car", crossing.path(1, -1.75, "left"), 115.7, 6.5, KMH_50, d=0.45),
         Driver("car", crossing.path(2, -1.75, "straight"), 86.5, 0.0, KMH_50, stop=ARM),
         Driver("motorcycle", crossing.path(2, -5.25, "straight"), 70.0, 6.0, KMH_50, stop=ARM),
     ]

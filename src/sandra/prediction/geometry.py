@@ -73,9 +73,9 @@ def clip(batch: Array, normal: Array, offset: Array) -> tuple[Array, Mask]:
         The batch of the N' non-empty results, and the mask (N,) of rows that are left.
     """
     normals = np.broadcast_to(normal, (len(batch), 2))
-    excess = np.einsum("nvi,ni->nv", batch, normals) - offset[:, None]
-    inside = excess <= _EPS
-    alive = inside.any(axis=1)
+    excess = batch[..., 0] * normals[:, :1] + batch[..., 1] * normals[:, 1:] - offset[:, None]
+    inside: Mask = excess <= _EPS
+    alive: Mask = inside.any(axis=1)
     touched = alive & ~inside.all(axis=1)
     if not touched.any():
         return batch[alive], alive

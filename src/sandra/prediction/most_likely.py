@@ -9,6 +9,8 @@ heading more than 45 degrees away), goes straight on.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -46,12 +48,17 @@ def predict_trajectories(
     Returns:
         The predictions, and notes in words about what had to be assumed.
     """
-    lane_map = build_map(scene.lanelets, 0.0)
+
+    @cache
+    def lane_map() -> LaneMap:
+        return build_map(scene.lanelets, 0.0)
+
     found: list[PredictedObstacle] = []
     ended: dict[int, list[int]] = {}
     absent: list[int] = []
     late: list[int] = []
     as_sets: list[tuple[int, int]] = []
+    unknown: list[int] = []
     for obstacle in scene.obstacles:
         if is_fixed(obstacle):
             found.append(_fixed(obstacle, horizon))
@@ -66,6 +73,8 @@ def predict_trajectories(
         if use_recordings and (recorded is None or not np.isfinite(recorded[:, 0]).any()):
             absent.append(obstacle.id)
             recorded = None
+        if recorded is None and not obstacle.speed_is_known:
+            unknown.append(obstacle.id)
         states, last = _trajectory(obstacle, recorded, scene.dt, horizon, lane_map)
         if recorded is not None:
             if last < horizon:
@@ -75,7 +84,7 @@ def predict_trajectories(
                 late.append(obstacle.id)
         how = "recorded trajectory" if recorded is not None else "constant velocity along the lane"
         found.append(_with_body(obstacle, states, (how,)))
-    return tuple(found), _notes(horizon, ended, absent, late, as_sets)
+    return tuple(found), _notes(horizon, ended, absent, late, as_sets, unknown)
 
 
 def _notes(
@@ -84,6 +93,7 @@ def _notes(
     absent: list[int],
     late: list[int],
     as_sets: list[tuple[int, int]],
+    unknown: list[int],
 ) -> tuple[str, ...]:
     notes = []
     for last in sorted(ended):
@@ -101,6 +111,8 @@ def _notes(
         )
     if absent:
         notes.append(f"no recording of {_ids(absent)}; assumed to keep the velocity along the lane")
+    if unknown:
+        notes.append(f"speed unknown, taken for standing: {_ids(unknown)}")
     if late:
         notes.append(f"recorded later than step 0 and absent until then: {_ids(late)}")
     return tuple(notes)
@@ -129,7 +141,7 @@ def _trajectory(
     recorded: Array | None,
     dt: float,
     horizon: int,
-    lane_map: LaneMap,
+    lane_map: Callable[[], LaneMap],
 ) -> tuple[Array, int]:
     """(h+1, 5) states, and the last recorded step."""
     states = np.full((horizon + 1, 5), np.nan)
@@ -145,9 +157,9 @@ def _trajectory(
     else:
         s = obstacle.state
         speed = s.speed if obstacle.speed_is_known else 0.0
-        states[0] = s.x, s.y, s.heading, speed, s.acceleration
+        states[0] = s.x, s.y, s.heading, speed, np.nan_to_num(s.acceleration)
     if last < horizon:
-        states[last + 1 :] = _along_lane(states[last], dt, horizon - last, lane_map)
+        states[last + 1 :] = _along_lane(states[last], dt, horizon - last, lane_map())
     return states, last
 
 

@@ -9,7 +9,7 @@ from sandra.prediction.types import PredictedObstacle
 from sandra.scene.types import Scene
 from sandra.view import palette
 from sandra.view.labels import Places, draw_ids, draw_lights, draw_signs
-from sandra.view.lettering import fitted, plain, width, write
+from sandra.view.lettering import fitted, plain
 from sandra.view.page import Page
 from sandra.view.scene import axes_in, draw_bodies, draw_map, draw_occupancies
 from sandra.view.sets import draw_sets, draw_trajectory
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 TICKS = 0.32
 """Room for tick labels at the left, and for them and the axis title below [inch]."""
+CAPTION = 0.42
+"""Room for the caption and the line of facts above [inch]."""
 _SIZE = 7.5
 
 
@@ -47,9 +49,18 @@ def draw_chart(
     maneuver: Maneuver | None,
     horizon: int,
     colours: Any,
+    caption: str,
 ) -> None:
-    """The map at `place` (left, top, width, height) [inch] with all that belongs on it."""
+    """The map at `place` (left, top, width, height) [inch] with all that belongs on it.
+
+    Above it, in `CAPTION` inches, stand the caption and a line of facts.
+    """
     left, top, wide, high = place
+    page.text(
+        left, top - CAPTION + 0.04, fitted(caption, wide, 9.0, bold=True), size=9.0, bold=True
+    )
+    line = fitted(facts(view.scene), wide, _SIZE)
+    page.text(left, top - 0.2, line, size=_SIZE, color=palette.FAINT_INK)
     ax = page.axes(left, top, wide, high)
     axes_in(ax, window)
     draw_map(ax, view, window)
@@ -59,7 +70,6 @@ def draw_chart(
     if maneuver is not None:
         draw_trajectory(ax, view, maneuver, horizon, colours)
     places = Places(window, wide / (window[1] - window[0]))
-    _facts(ax, view.scene, places)
     draw_lights(ax, view, places, 7.0)
     draw_signs(ax, view, places, 6.5)
     draw_ids(ax, places, drawn, 6.5)
@@ -73,28 +83,14 @@ def draw_chart(
     )
 
 
-def _facts(ax: Any, scene: Scene, places: Places) -> None:
-    """A line in the corner: speeds, light, the signs that hold here."""
+def facts(scene: Scene) -> str:
+    """One line: speeds, the next light, the signs that hold here."""
     parts = [f"ego {scene.ego.state.speed:.1f} m/s"]
     limit = scene.speed_limit
     if limit is not None:
         parts.append(f"limit {limit:.1f} m/s")
     parts += [f"light {plain(li.state, 12)} in {li.distance:.0f} m" for li in scene.lights[:1]]
-    signs = [" ".join((s.name, *s.values)) for s in scene.signs if s.distance <= 0.0]
+    signs = dict.fromkeys(" ".join((s.name, *s.values)) for s in scene.signs if s.distance <= 0.0)
     if signs:
-        parts.append(plain("signs here: " + ", ".join(signs), 60))
-    low, high, _, upper = places.window
-    inch = 1.0 / places.per_metre
-    text = fitted("   ·   ".join(parts), (high - low) / inch - 0.2, _SIZE)
-    places.take((low, low + (width(text, _SIZE) + 0.2) * inch, upper - 0.27 * inch, upper))
-    box = {"boxstyle": "square,pad=0.25", "facecolor": (1, 1, 1, 0.85), "edgecolor": "none"}
-    write(
-        ax,
-        low + 0.1 * inch,
-        upper - 0.13 * inch,
-        text,
-        size=_SIZE,
-        va="center",
-        zorder=8.0,
-        bbox=box,
-    )
+        parts.append("signs here: " + ", ".join(plain(sign, 40) for sign in signs))
+    return " · ".join(parts)

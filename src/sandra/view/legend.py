@@ -89,7 +89,7 @@ def _bar(page: Page, left: float, top: float, horizon: int, colours: Any) -> Non
 
 _BOXES: dict[str, dict[str, Any]] = {
     "ego": {"facecolor": palette.EGO, "edgecolor": "none"},
-    "other": {"facecolor": palette.OTHER, "edgecolor": "none"},
+    "other": {"facecolor": palette.OTHER, "edgecolor": palette.INK, "linewidth": 0.5},
     "occupancy": {
         "facecolor": palette.faded(palette.OCCUPANCY, 0.6),
         "edgecolor": palette.OCCUPANCY,

@@ -31,8 +31,9 @@ BORDER = "#9aa0a6"
 ARROW = "#b9bec4"
 GOAL = "#f3dc8a"
 
-EGO = BLUE
-OTHER = "#4d4d4d"
+EGO = "#005a8f"
+"""A little darker than `BLUE`, so that it stays apart from the others in a grey print."""
+OTHER = "#969696"
 OCCUPANCY = "#c05a78"
 BLOCKING = VERMILLION
 FAIL_SAFE = VERMILLION

@@ -9,11 +9,11 @@ import numpy as np
 from sandra.prediction.types import Prediction
 from sandra.scene.types import Scene
 from sandra.view import header, legend, palette
-from sandra.view.chart import TICKS, draw_chart, fit
+from sandra.view.chart import CAPTION, TICKS, draw_chart, fit
 from sandra.view.header import Line
 from sandra.view.lettering import plain
 from sandra.view.page import MARGIN, Page, checked
-from sandra.view.scene import near
+from sandra.view.scene import near, shows_goal
 from sandra.view.shapes import View
 
 WIDTH = 11.0
@@ -39,23 +39,28 @@ def scene_figure(
     inner = WIDTH - 2 * MARGIN
     laid = header.laid_out(_lines(scene, prediction), inner)
     reach = scene.ego.state.speed * 3.0
-    window, high = fit(
-        (-20.0, max(30.0, reach), -14.0, 14.0), inner - TICKS, (3.0, 6.5), least=60.0
-    )
+    window, high = fit((-20.0, max(30.0, reach), -9.0, 9.0), inner - TICKS, (3.0, 6.5), least=60.0)
     entries = [("ego", "ego"), ("other", "others now"), ("lane", "current lane")]
     if prediction is not None and prediction.obstacles:
         entries.append(("occupancy", "where others may be until the horizon"))
-    if scene.goal is not None:
+    if shows_goal(view, window):
         entries.append(("goal", "goal"))
     strip = legend.height(inner - TICKS, entries, bar=False)
-    page = Page(WIDTH, 2 * MARGIN + header.height(laid) + high + TICKS + strip)
+    page = Page(WIDTH, 2 * MARGIN + header.height(laid) + CAPTION + high + TICKS + strip)
     top = header.draw(page, MARGIN, MARGIN, inner, scene.name, laid)
     others = () if prediction is None else near(view, window, prediction)
-    place = (MARGIN + TICKS, top, inner - TICKS, high)
+    place = (MARGIN + TICKS, top + CAPTION, inner - TICKS, high)
     horizon = 0 if prediction is None else prediction.horizon
-    draw_chart(page, place, view, window, others, [], None, horizon, palette.time_map())
-    legend.draw(page, MARGIN + TICKS, top + high + TICKS, inner - TICKS, entries, None, None)
+    colours = palette.time_map()
+    draw_chart(page, place, view, window, others, [], None, horizon, colours, _caption(prediction))
+    legend.draw(
+        page, MARGIN + TICKS, top + CAPTION + high + TICKS, inner - TICKS, entries, None, None
+    )
     return page.save(where, dpi)
+
+
+def _caption(prediction: Prediction | None) -> str:
+    return "scenario at step 0" + ("" if prediction is None else ", and its prediction")
 
 
 def _lines(scene: Scene, prediction: Prediction | None) -> list[Line]:

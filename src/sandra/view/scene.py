@@ -161,6 +161,9 @@ def draw_bodies(
     drawn: list[tuple[Obstacle, Window]] = []
     for obstacle in view.scene.obstacles:
         state = obstacle.state
+        if obstacle.states is not None and not np.isfinite(obstacle.states[:1, :3]).all():
+            # Recorded only later: the state is that of its first appearance.
+            continue
         body = view.body(obstacle.outline, (state.x, state.y, state.heading))
         around = bounds([body])
         if around is None or not touches(window, np.array([around[::2], around[1::2]])):
@@ -171,13 +174,13 @@ def draw_bodies(
             ax,
             path_of(body),
             facecolor=palette.BLOCKING if marked else palette.OTHER,
-            edgecolor=palette.PAPER,
+            edgecolor=palette.PAPER if marked else palette.INK,
             linewidth=0.5,
             zorder=4.0,
         )
         if not obstacle.is_static and obstacle.speed_is_known and abs(state.speed) > 0.3:
             nose = _nose(view, obstacle.length, (state.x, state.y, state.heading))
-            ax.plot(nose[:, 0], nose[:, 1], color=palette.PAPER, linewidth=0.8, zorder=4.1)
+            ax.plot(nose[:, 0], nose[:, 1], color=palette.INK, linewidth=0.8, zorder=4.1)
     draw_ego(ax, view)
     return drawn
 
@@ -203,6 +206,13 @@ def _nose(view: View, length: float, pose: tuple[float, float, float]) -> Array:
     x, y, heading = pose
     along = np.array([np.cos(heading), np.sin(heading)])
     return view.points(np.array([x, y]) + np.outer([0.08 * length, 0.38 * length], along))
+
+
+def shows_goal(view: View, window: Window) -> bool:
+    """Whether the goal region lies within the window, in part at least."""
+    goal = view.scene.goal
+    around = None if goal is None else bounds([view.region(goal)])
+    return around is not None and touches(window, np.array([around[::2], around[1::2]]))
 
 
 def near(view: View, window: Window, prediction: Prediction) -> tuple[PredictedObstacle, ...]:

@@ -66,7 +66,7 @@ def _draw_row(page: Page, left: float, top: float, width: float, row: Row) -> fl
         page.rectangle(
             left, top, width, tall, facecolor=palette.EXECUTED_ROW, edgecolor="none", zorder=-1
         )
-    rank = "–" if row.rank is None else f"{row.rank}."
+    rank = "" if row.rank is None else f"{row.rank}."
     cells = [
         (("▶ " if row.executed else "   ") + rank, palette.INK),
         (pair_name(verdict), palette.INK),

@@ -144,7 +144,7 @@ def _finish(ax: Any, window: Window, horizon: int) -> None:
     ax.set_zlim(0, max(1, horizon))
     # Lengths on the ground stay true to each other; the height is for the eye.
     longest = max(wide, deep)
-    ax.set_box_aspect((wide / longest, max(deep / longest, 0.25), 0.62), zoom=1.1)
+    ax.set_box_aspect((wide / longest, max(deep / longest, 0.25), 0.62), zoom=1.06)
     ax.view_init(elev=ELEVATION, azim=AZIMUTH)
     ax.set_proj_type("persp", focal_length=0.6)
     for axis, count, label, away in (

@@ -1,0 +1,51 @@
+"""Every scenario at hand, with both predictions, with and without rules: decide and verify finish."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import sandra
+from sandra.reach import Status
+
+ROOT = Path(__file__).resolve().parents[1]
+FILES = [
+    *sandra.examples().values(),
+    *sorted((ROOT.parent / "shared" / "data" / "scenarios").glob("*.xml")),
+]
+RULES = ("R_G1", "R_G2", "R_G3")
+
+
+@pytest.fixture(scope="module")
+def scenes() -> dict[Path, sandra.Scene]:
+    return {}
+
+
+@pytest.mark.parametrize("rules", [(), RULES], ids=["no rules", "rules"])
+@pytest.mark.parametrize("prediction", ["most-likely", "set-based"])
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+def test_decide_and_verify_all_finish(
+    path: Path, prediction: str, rules: tuple[str, ...], scenes: dict[Path, sandra.Scene]
+) -> None:
+    scene = scenes.get(path) or scenes.setdefault(path, sandra.load(path))
+    decision = sandra.decide(
+        scene, "rules", "drive faster", prediction=prediction, rules=rules, walk="all"
+    )
+    assert len(decision.verdicts) == 12
+    for verdict in decision.verdicts:
+        found = verdict.reachable_set
+        if verdict.status is Status.UNSAFE:
+            assert verdict.reason
+            assert verdict.first_empty_step == len(found.steps) <= 25
+        else:
+            corridor = found.corridor()
+            assert corridor.first_empty_step is None
+            assert all(0 < len(c) <= len(s) for c, s in zip(corridor.steps, found.steps, strict=True))
+    holds = [p for p in decision.ranking.pairs if decision.verdicts[p].status is Status.REACHABLE]
+    assert decision.maneuver.pair == (holds[0] if holds else None)
+    assert np.isfinite(decision.maneuver.states).all()
+    start = decision.maneuver.states[0]
+    assert start[:4] == pytest.approx(
+        [scene.ego.state.x, scene.ego.state.y, start[2], scene.ego.state.speed], abs=1e-3
+    )
+    assert str(decision)
