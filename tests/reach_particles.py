@@ -572,7 +572,9 @@ def _resampled(
     top = min(len(rows), 40)
     farthest = np.argpartition(-(scaled @ directions.T), top - 1, axis=0)[:top].ravel()
     half = extra // 2
-    chosen = np.concatenate([rng.choice(farthest, half), rng.integers(len(rows), size=extra - half)])
+    chosen = np.concatenate(
+        [rng.choice(farthest, half), rng.integers(len(rows), size=extra - half)]
+    )
     kept = rows if len(rows) <= n - extra else rng.choice(rows, n - extra, replace=False)
     return np.concatenate([kept, rows[chosen]])
 

@@ -83,6 +83,12 @@ class Settings:
     ego_wheelbase: float = 2.578
     """[m]"""
 
+    # Steering of the ego (CommonRoad vehicle 2, BMW 320i)
+    steering_angle_max: float = 1.066
+    """|steering angle| [rad]."""
+    steering_rate_max: float = 0.4
+    """|steering rate| [rad/s]."""
+
     # Measurement uncertainty of the initial state
     s_uncertainty: float = 0.0
     """Half width of the initial longitudinal position [m]."""
@@ -131,7 +137,16 @@ class Settings:
     def __post_init__(self) -> None:
         for name in ("a_lim", "v_err", "s_uncertainty", "v_uncertainty", "t_d", "t_c"):
             _require(self, name, lambda v: 0.0 <= v < math.inf, "a finite number >= 0")
-        positive = ("a_lat_max", "v_max", "v_lat_max", "ego_length", "ego_width", "ego_wheelbase")
+        positive = (
+            "steering_angle_max",
+            "steering_rate_max",
+            "a_lat_max",
+            "v_max",
+            "v_lat_max",
+            "ego_length",
+            "ego_width",
+            "ego_wheelbase",
+        )
         for name in (*positive, "cell_s", "cell_d"):
             _require(self, name, lambda v: 0.0 < v < math.inf, "a finite number > 0")
         for name in ("v_fov", "v_braking", "v_type"):

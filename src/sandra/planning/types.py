@@ -33,3 +33,23 @@ class Maneuver:
             "longitudinal": self.pair.longitudinal.value if self.pair else None,
             "lateral": self.pair.lateral.value if self.pair else None,
         }
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trajectory:
+    """A trajectory of the kinematic single-track model (see `single_track`).
+
+    `states` (n + 1, 5): x, y of the body's centre [m], heading [rad], speed [m/s], steering angle
+    [rad], at `start` + i `tau`; `inputs` (n, 2): acceleration [m/s^2] and steering rate [rad/s],
+    constant in each step of `tau` seconds.
+    """
+
+    states: NDArray[np.float64]
+    inputs: NDArray[np.float64]
+    tau: float
+    start: float = 0.0
+
+    @property
+    def end(self) -> float:
+        """Time of the last state [s]."""
+        return self.start + self.tau * len(self.inputs)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from itertools import pairwise
 from math import inf
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +30,11 @@ NOT_IN_TRAFFIC = frozenset({"pedestrian", "trafficIsland", "building", "pillar",
 
 @dataclass(frozen=True, slots=True)
 class Stretch:
-    """Part of a lane in the frame of the current lane: bounds of its two borders there [m]."""
+    """Part of a lane in the frame of the current lane: bounds of its two borders there [m].
+
+    Whoever is here and touches the lane, touches it between `right_low` and `left_high`. Between
+    `right_high` and `left_low` all points are in the lane (there are none if the first is larger).
+    """
 
     s_low: float
     s_high: float
@@ -41,7 +46,10 @@ class Stretch:
 
 @dataclass(frozen=True, slots=True)
 class Leader:
-    """Rear end [m] and speed [m/s] of a vehicle in a lane at some step."""
+    """Rear end [m] and speed [m/s] of a vehicle in a lane at some step.
+
+    An infinite speed stands for one that precedes, but to which no distance is asked.
+    """
 
     rear: float
     speed: float
@@ -54,43 +62,76 @@ Limit = tuple[float, float, float | None, float | None]
 """(s_low, s_high, lowest, highest limit [m/s] or None) over the lanes that the ego may use."""
 
 
-def band(frame: Frame, lattice: Lattice, left: Array, right: Array) -> Band:
-    """A lane's borders along the lattice's columns.
+def band(frame: Frame, lattice: Lattice, left: Array, right: Array, radius: float) -> Band:
+    """A lane's borders along the lattice's columns, for a body within `radius` [m] of its centre.
 
-    Borders are read every `BORDER_STEP`; where they are not functions of s (a lanelet that
-    crosses), the highest and lowest d per column bound the touching region from outside.
+    The body reaches beyond its own column, and a border need not be parallel to the frame: the
+    outer bounds are those of all columns within reach. Borders are read every `BORDER_STEP`;
+    where they are not functions of s (a lanelet that crosses), the highest and lowest d count.
     """
     lines = lattice.corners()[0]
-    right_low, right_high = _per_column(frame.to_curvilinear(_dense(right)), lines)
-    left_low, left_high = _per_column(frame.to_curvilinear(_dense(left)), lines)
-    low = np.minimum(right_low, left_low) - BORDER_MARGIN
-    high = np.maximum(right_high, left_high) + BORDER_MARGIN
+    on_right, on_left = (frame.to_curvilinear(_dense(line)) for line in (right, left))
+    ring = frame.to_curvilinear(_dense(np.vstack([right, left[::-1], right[:1]])))
+    outer = _within_reach(*_per_column(ring, lines), frame, lattice, radius)
+    right_low, right_high = _per_column(on_right, lines)
+    left_low, left_high = _per_column(on_left, lines)
+    # On an opposite lane the left border is the one with the lower d. Columns in which the lane
+    # begins or ends are not all in it.
+    start = max(on_right[:, 0].min(), on_left[:, 0].min())
+    end = min(on_right[:, 0].max(), on_left[:, 0].max())
+    whole = (lines[:-1] >= start) & (lines[1:] <= end)
+    inner_low = np.where(whole, np.minimum(right_high, left_high), np.nan)
+    inner_high = np.where(whole, np.maximum(right_low, left_low), np.nan)
+    bounds = np.column_stack(
+        [
+            outer[0] - BORDER_MARGIN,
+            np.nan_to_num(inner_low, nan=inf) + BORDER_MARGIN,
+            np.nan_to_num(inner_high, nan=-inf) - BORDER_MARGIN,
+            outer[1] + BORDER_MARGIN,
+        ]
+    )
     found: list[Stretch] = []
-    for i in np.flatnonzero(np.isfinite(low) & np.isfinite(high)).tolist():
-        new = Stretch(
-            float(lines[i]),
-            float(lines[i + 1]),
-            float(low[i]),
-            float(right_high[i]) + BORDER_MARGIN,
-            float(left_low[i]) - BORDER_MARGIN,
-            float(high[i]),
-        )
-        joined = _join(found[-1], new) if found else None
-        if joined is None:
-            found.append(new)
+    first = -1
+    for i in np.flatnonzero(np.isfinite(bounds[:, 0])).tolist():
+        part = bounds[first : i + 1]
+        if first >= 0 and found[-1].s_high == lines[i] and _alike(part):
+            found.pop()
         else:
-            found[-1] = joined
+            first, part = i, bounds[i : i + 1]
+        outermost, innermost = part.min(axis=0), part.max(axis=0)
+        found.append(
+            Stretch(
+                float(lines[first]),
+                float(lines[i + 1]),
+                float(outermost[0]),
+                float(innermost[1]),
+                float(outermost[2]),
+                float(innermost[3]),
+            )
+        )
     return tuple(found)
 
 
-def _join(a: Stretch, b: Stretch) -> Stretch | None:
-    if abs(a.s_high - b.s_low) > 1e-6:
-        return None
-    right = (min(a.right_low, b.right_low), max(a.right_high, b.right_high))
-    left = (min(a.left_low, b.left_low), max(a.left_high, b.left_high))
-    if right[1] - right[0] > BORDER_MERGE or left[1] - left[0] > BORDER_MERGE:
-        return None
-    return Stretch(a.s_low, b.s_high, *right, *left)
+def _alike(bounds: Array) -> bool:
+    first = bounds[0]
+    same = bounds == first  # infinite ones too
+    return bool(np.all(same | (np.abs(np.where(same, 0.0, bounds - first)) <= BORDER_MERGE / 2)))
+
+
+def _within_reach(
+    low: Array, high: Array, frame: Frame, lattice: Lattice, radius: float
+) -> tuple[Array, Array]:
+    """Lowest and highest d over all columns that a body in each column can reach."""
+    bend = float(np.abs(frame.curvature(lattice.corners()[0])).max())
+    # On the inside of a bend a metre of body spans more than a metre of the reference line.
+    shrunk = 1.0 - bend * np.nan_to_num(np.maximum(np.abs(low), np.abs(high)))
+    reach = np.ceil(radius / np.maximum(shrunk, 0.2) / lattice.ds).astype(int)
+    lowest, highest = np.full_like(low, np.inf), np.full_like(high, -np.inf)
+    for i in np.flatnonzero(np.isfinite(low)).tolist():
+        near = slice(max(0, i - int(reach[i])), i + int(reach[i]) + 1)
+        lowest[near] = np.minimum(lowest[near], low[i])
+        highest[near] = np.maximum(highest[near], high[i])
+    return lowest, highest
 
 
 def _dense(line: Array) -> Array:
@@ -121,14 +162,15 @@ def _per_column(points: Array, lines: Array) -> tuple[Array, Array]:
 
 
 def leaders(
-    scene: Scene, prediction: Prediction, settings: Settings, bands: tuple[Band, ...]
+    scene: Scene, prediction: Prediction, settings: Settings, lanes: tuple[Lane, ...]
 ) -> tuple[tuple[tuple[Leader, ...], ...], ...]:
-    """For each band and each step, the vehicles in it, rear ends ascending (most likely).
+    """For each lane and each step, the vehicles in it, rear ends ascending (most likely).
 
-    A vehicle is in a lane where its body overlaps the lane's band at the body's middle. With
-    `settings.cut_in_exception`, a vehicle that entered less than `t_c` ago is left out.
+    A vehicle is in a lane if its body touches one of its lanelets. With
+    `settings.cut_in_exception`, no distance is asked to one that entered less than `t_c` ago.
     """
-    found: list[list[list[Leader]]] = [[[] for _ in range(prediction.horizon + 1)] for _ in bands]
+    areas = [_area(scene, lane) for lane in lanes]
+    found: list[list[list[Leader]]] = [[[] for _ in range(prediction.horizon + 1)] for _ in lanes]
     exempt = round(settings.t_c / scene.dt) if settings.cut_in_exception else 0
     for predicted in prediction.obstacles:
         obstacle = predicted.obstacle
@@ -139,32 +181,45 @@ def leaders(
         bodies = np.vstack([obstacle.outline.placed(*rows[k, :3]).vertices for k in present])
         corners = scene.frame.to_curvilinear(bodies).reshape(len(present), -1, 2)
         radius = obstacle.outline.radius
-        low, high = corners.min(axis=1) - radius, corners.max(axis=1) + radius
+        rear = corners[:, :, 0].min(axis=1) - radius
         middle = corners[:, :, 0].mean(axis=1)
         heading = scene.frame.heading(middle)
         speed = np.maximum(rows[present, 3] * np.cos(rows[present, 2] - heading), 0.0)
-        for of_band, lane in zip(found, bands, strict=True):
-            inside = _inside(lane, middle, low[:, 1], high[:, 1])
+        for of_lane, area in zip(found, areas, strict=True):
+            inside = _touches(area, bodies.reshape(len(present), -1, 2), radius)
             entered = -exempt
             for i in np.flatnonzero(inside).tolist():
                 k = int(present[i])
                 if i > 0 and not inside[i - 1]:
                     entered = k
-                if k - entered >= exempt:
-                    of_band[k].append(Leader(float(low[i, 0]), float(speed[i])))
+                asked = k - entered >= exempt
+                of_lane[k].append(Leader(float(rear[i]), float(speed[i]) if asked else inf))
     return tuple(
         tuple(tuple(sorted(step, key=lambda x: x.rear)) for step in steps) for steps in found
     )
 
 
-def _inside(lane: Band, middle: Array, low: Array, high: Array) -> NDArray[np.bool_]:
-    inside = np.zeros(len(middle), dtype=np.bool_)
-    if lane:
-        index = np.searchsorted([x.s_low for x in lane], middle, side="right") - 1
-        for i in np.flatnonzero(index >= 0).tolist():
-            x = lane[int(index[i])]
-            inside[i] = middle[i] <= x.s_high and high[i] > x.right_high and low[i] < x.left_low
-    return inside
+def _area(scene: Scene, lane: Lane) -> Any:
+    """The lanelets of a lane, as a shapely geometry."""
+    import shapely
+
+    area = shapely.union_all(
+        [
+            shapely.Polygon(np.vstack([lanelet.right, lanelet.left[::-1]])).buffer(0)
+            for lanelet in scene.lanelets
+            if lanelet.id in lane.lanelets
+        ]
+    )
+    shapely.prepare(area)
+    return area
+
+
+def _touches(area: Any, bodies: Array, radius: float) -> NDArray[np.bool_]:
+    """Whether convex bodies (m, n, 2), widened by `radius`, touch an area."""
+    import shapely
+
+    hulls = shapely.convex_hull(shapely.multipoints(shapely.points(bodies)))
+    return np.asarray(shapely.dwithin(area, hulls, radius), dtype=np.bool_)
 
 
 def limits(scene: Scene, lanes: tuple[Lane, ...]) -> tuple[Limit, ...]:

@@ -7,7 +7,7 @@ the disc inscribed in the ego's body, which lies within the body whatever its he
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import cos, sin
+from math import cos, hypot, sin
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,10 +95,11 @@ def ground(scene: Scene, prediction: Prediction, settings: Settings) -> Ground:
     samples = np.linspace(0.0, 1.0, 5)
     kappa = scene.frame.curvature((s_lines[:-1, None] + lattice.ds * samples).ravel())
     kappa = kappa.reshape(lattice.columns, samples.size)
+    radius = hypot(scene.ego.length, scene.ego.width) / 2
+    known = ("current", "left", "right", "opposite")
+    lanes = tuple(lane for lane in scene.lanes if lane.relation in known)
     bands = tuple(
-        (lane.relation, band(scene.frame, lattice, lane.left, lane.right))
-        for lane in scene.lanes
-        if lane.relation in ("current", "left", "right", "opposite")
+        (lane.relation, band(scene.frame, lattice, lane.left, lane.right, radius)) for lane in lanes
     )
     return Ground(
         scene,
@@ -112,7 +113,7 @@ def ground(scene: Scene, prediction: Prediction, settings: Settings) -> Ground:
         windows,
         _union(off_road, windows, prediction.horizon),
         bands,
-        leaders(scene, prediction, settings, tuple(lane for _, lane in bands)),
+        leaders(scene, prediction, settings, lanes),
         limits(scene, tuple(x for x in (scene.current, scene.left, scene.right) if x)),
     )
 
@@ -147,21 +148,42 @@ def _lattice(scene: Scene, horizon: int, lon: Polygon, lat: Polygon, settings: S
         else s + v * duration
         for s, v in lon
     )
-    s_range = (min(s for s, _ in lon) - 1.0, farthest + 1.0)
-    s_line = np.arange(s_range[0], s_range[1] + 1.0, 2.0)
-    borders = [np.vstack([lane.left, lane.right]) for lane in scene.lanes]
-    points = scene.frame.to_curvilinear(np.vstack(borders))
-    near = points[(points[:, 0] >= s_line[0]) & (points[:, 0] <= s_line[-1])]
+    # Within a step the speed may leave its bounds and come back: by the end of it, a quarter of
+    # a dt^2 further at most.
+    swing = horizon * max(abs(settings.a_lon_min), abs(settings.a_lon_max)) * scene.dt**2 / 4
+    s_range = (min(s for s, _ in lon) - swing - 1.0, farthest + swing + 1.0)
     reach = [
         d + sign * (abs(v) * duration + settings.a_lat_max * duration**2 / 2)
         for d, v in lat
         for sign in (-1.0, 1.0)
     ]
     low, high = min(reach), max(reach)
+    near = _borders_between(scene, s_range, max(abs(low), abs(high)))
     if near.size:
-        low = max(low, min(float(near[:, 1].min()), min(d for d, _ in lat)) - LATERAL_REACH)
-        high = min(high, max(float(near[:, 1].max()), max(d for d, _ in lat)) + LATERAL_REACH)
+        low = max(low, min(float(near.min()), min(d for d, _ in lat)) - LATERAL_REACH)
+        high = min(high, max(float(near.max()), max(d for d, _ in lat)) + LATERAL_REACH)
     return Lattice.around(s_range, (low, high), settings.cell_s, settings.cell_d)
+
+
+def _borders_between(scene: Scene, s_range: tuple[float, float], reach: float) -> Array:
+    """d of points of all lanelets' borders, no more than 1 m apart, within a range of s."""
+    ego = np.array([scene.ego.state.x, scene.ego.state.y])
+    farthest = s_range[1] - s_range[0] + 2 * reach + abs(scene.ego_curvilinear[1])
+    found = []
+    for lanelet in scene.lanelets:
+        for line in (lanelet.left, lanelet.right):
+            lengths = np.hypot(*np.diff(line, axis=0).T)
+            at = np.concatenate([[0.0], np.cumsum(lengths)])
+            if np.hypot(*(line - ego).T).min() - lengths.max(initial=0.0) > farthest:
+                continue
+            dense = np.union1d(at, np.arange(0.0, at[-1], 1.0))
+            found.append(np.column_stack([np.interp(dense, at, line[:, i]) for i in (0, 1)]))
+    if not found:
+        return np.zeros(0)
+    every = np.vstack(found)
+    points = scene.frame.to_curvilinear(every[np.hypot(*(every - ego).T) <= farthest])
+    inside = (points[:, 0] >= s_range[0]) & (points[:, 0] <= s_range[1])
+    return points[inside, 1]
 
 
 def _grid(scene: Scene, s: Array, d: Array) -> Array:
@@ -171,22 +193,34 @@ def _grid(scene: Scene, s: Array, d: Array) -> Array:
     return points
 
 
-def _bulge(scene: Scene, lattice: Lattice) -> float:
-    """How far a cell's image can bulge beyond the hull of its corners [m].
+def _bulge(scene: Scene, lattice: Lattice) -> Array:
+    """(columns,) how far a cell's image can bulge beyond the hull of its corners [m].
 
-    Between two corners the reference line turns by at most the sum of its angles there; an arc of
-    length c (1 + |kappa d|) that turns by phi leaves its chord by at most a quarter of c phi.
+    Lines of constant d are polylines with the corners of the reference line. One of length c that
+    turns by phi leaves its chord by at most a quarter of c phi.
     """
+    frame = scene.frame
     s, d = lattice.corners()
-    heading = np.unwrap(scene.frame.heading(np.arange(s[0], s[-1] + 0.05, 0.05)))
-    per_cell = max(1, int(np.ceil(lattice.ds / 0.05)) + 1)
-    turn = (
-        float(np.abs(heading[per_cell:] - heading[:-per_cell]).max())
-        if heading.size > per_cell
-        else 0.0
+    course = np.diff(frame.line, axis=0)
+    course = np.unwrap(np.arctan2(course[:, 1], course[:, 0]))
+    turns = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(course)))])
+    marks = frame.stations[1:-1]
+    first = np.searchsorted(marks, s[:-1], side="left")
+    last = np.searchsorted(marks, s[1:], side="right")
+    turn = turns[last] - turns[first]
+    # The reference line's curvature at its corners, where neighbouring segments are shortest.
+    lengths = np.diff(frame.stations)
+    shortest = np.minimum(lengths[:-1], lengths[1:])
+    bend = np.abs(np.diff(course)) / shortest
+    sharpest = np.array(
+        [
+            bend[max(0, a - 1) : b + 1].max(initial=0.0)
+            for a, b in zip(first.tolist(), last.tolist(), strict=True)
+        ]
     )
-    widest = 1.0 + float(np.abs(scene.frame.curvature(s)).max()) * float(np.abs(d).max())
-    return lattice.ds * widest * turn / 4 + 1e-6
+    widest = 1.0 + sharpest * float(np.abs(d).max())
+    bulge: Array = lattice.ds * widest * turn / 4 + 1e-6
+    return bulge
 
 
 def _off_road(scene: Scene, lattice: Lattice) -> Mask:
@@ -210,12 +244,12 @@ def _off_road(scene: Scene, lattice: Lattice) -> Mask:
 
 
 def _windows(
-    scene: Scene, prediction: Prediction, lattice: Lattice, corners: Array, inscribed: float
+    scene: Scene, prediction: Prediction, lattice: Lattice, corners: Array, inscribed: Array
 ) -> tuple[tuple[tuple[Window, ...], ...], ...]:
     """Forbidden cells of each obstacle at each step.
 
     A cell is forbidden if its four corners are within reach of one convex region: then, up to the
-    bulge already subtracted from `inscribed`, so is all of the cell.
+    bulge already subtracted from `inscribed` (one value per column), so is all of the cell.
     """
     entries = [
         (o, k, region)
@@ -238,16 +272,18 @@ def _windows(
 
 
 def _window(
-    lattice: Lattice, corners: Array, region: Occupied, curvilinear: Array, inscribed: float
+    lattice: Lattice, corners: Array, region: Occupied, curvilinear: Array, inscribed: Array
 ) -> Window | None:
     reach = region.radius + inscribed
-    low, high = curvilinear.min(axis=0) - reach - 1.0, curvilinear.max(axis=0) + reach + 1.0
+    farthest = float(reach.max()) + 1.0
+    low, high = curvilinear.min(axis=0) - farthest, curvilinear.max(axis=0) + farthest
     i0, i1, j0, j1 = lattice.touched(low[0], high[0], low[1], high[1])
     if i0 >= i1 or j0 >= j1:
         return None
-    near = distance(corners[i0 : i1 + 1, j0 : j1 + 1].reshape(-1, 2), region.vertices) <= reach
-    near = near.reshape(i1 - i0 + 1, j1 - j0 + 1)
-    mask = near[:-1, :-1] & near[1:, :-1] & near[:-1, 1:] & near[1:, 1:]
+    away = distance(corners[i0 : i1 + 1, j0 : j1 + 1].reshape(-1, 2), region.vertices)
+    away = away.reshape(i1 - i0 + 1, j1 - j0 + 1)
+    away = np.maximum(away[:-1], away[1:])
+    mask = np.maximum(away[:, :-1], away[:, 1:]) <= reach[i0:i1, None]
     return (i0, i1, j0, j1, mask) if mask.any() else None
 
 

@@ -42,10 +42,11 @@ class _Candidate:
 
 def reachable_set(problem: Problem) -> ReachableSet:
     """Compute the set from step 0 until it is empty or the horizon is reached."""
-    start = _Candidate(problem.lon, problem.lat, problem.moves.initial, UNBOUNDED, ())
+    lon, lat = cut_y(problem.lon, *problem.v_lon), cut_y(problem.lat, *problem.v_lat)
+    start = [_Candidate(lon, lat, problem.moves.initial, UNBOUNDED, ())] if lon and lat else []
     contested: Mask = np.zeros_like(problem.forbidden[0])
     steps: list[tuple[BaseSet, ...]] = []
-    candidates = _covered(problem, [start], 0, contested)
+    candidates = _covered(problem, start, 0, contested)
     for k in range(problem.horizon + 1):
         if k > 0:
             contested[:] = False

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 from math import asin, atan2, cos, hypot, inf, pi, sin
 
 import numpy as np
@@ -85,19 +86,20 @@ def _lane_bands(ground: Ground, atom: Predicate) -> tuple[Band, ...]:
 def _lanelet_band(ground: Ground, atom: Predicate) -> Band:
     for lanelet in ground.scene.lanelets:
         if str(lanelet.id) == atom.argument:
-            return band(ground.scene.frame, ground.lattice, lanelet.left, lanelet.right)
+            ego = ground.scene.ego
+            radius = hypot(ego.length, ego.width) / 2
+            return band(ground.scene.frame, ground.lattice, lanelet.left, lanelet.right, radius)
     raise FormulaError(f"no lanelet {atom.argument} in the map: check the id in '{atom}'")
 
 
 def _in_lane(ground: Ground, bands: tuple[Band, ...], exact: bool = True) -> Answer:
     """in_lane(x, L): the body touches a lanelet of L (paper Sec. III-C)."""
     inner = ground.scene.ego.width / 2
-    radius = hypot(ground.scene.ego.length, ground.scene.ego.width) / 2
 
     def answer(truth: bool, k: int, lon: Polygon, lat: Polygon) -> Region:
         if truth:
             side = half_extent(ground, k, lon, lat)
-            return (tuple(p for lane in bands for p in _touching(lane, side, radius, lon, lat)),)
+            return (tuple(p for lane in bands for p in _touching(lane, side, lon, lat)),)
         if not exact:
             return EVERYWHERE
         # Outside of all lanes at once: an intersection over the lanes.
@@ -106,7 +108,7 @@ def _in_lane(ground: Ground, bands: tuple[Band, ...], exact: bool = True) -> Ans
     return answer
 
 
-def _touching(band: Band, side: float, radius: float, lon: Polygon, lat: Polygon) -> list[Piece]:
+def _touching(band: Band, side: float, lon: Polygon, lat: Polygon) -> list[Piece]:
     """Where the body may touch a lane, in as few pieces as a base set needs.
 
     Neighbouring stretches become one piece where they bound the base set alike, up to
@@ -115,9 +117,8 @@ def _touching(band: Band, side: float, radius: float, lon: Polygon, lat: Polygon
     s_low, s_high = range_x(lon)
     d_low, d_high = range_x(lat)
     found: list[tuple[float, float, tuple[float, float], tuple[float, float]]] = []
-    for i, x in enumerate(band):
-        start = x.s_low - (radius if i == 0 else 0.0)
-        end = x.s_high + (radius if i == len(band) - 1 else 0.0)
+    for x in band:
+        start, end = x.s_low, x.s_high
         if end < s_low or start > s_high:
             continue
         low, high = max(x.right_low - side, d_low), min(x.left_high + side, d_high)
@@ -141,6 +142,9 @@ def _not_touching(band: Band, inner: float) -> Union:
         Piece((-inf, band[0].s_low, -inf, inf)),
         Piece((band[-1].s_high, inf, -inf, inf)),
     ]
+    for a, b in pairwise(band):
+        if b.s_low > a.s_high:
+            pieces.append(Piece((a.s_high, b.s_low, -inf, inf)))
     for x in band:
         pieces.append(Piece((x.s_low, x.s_high, -inf, x.right_high - inner)))
         pieces.append(Piece((x.s_low, x.s_high, x.left_low + inner, inf)))
@@ -232,6 +236,8 @@ def _sure_band(
 ) -> tuple[float, float]:
     """Where the inscribed disc touches a lane for sure, over a whole range of s."""
     if near[0].s_low > s_low + 1e-6 or near[-1].s_high < s_high - 1e-6:
+        return 0.0, 0.0
+    if any(b.s_low > a.s_high for a, b in pairwise(near)):
         return 0.0, 0.0
     return max(x.right_high for x in near) - inner, min(x.left_low for x in near) + inner
 

@@ -57,7 +57,9 @@ class ReachableSet:
     @property
     def first_empty_step(self) -> int | None:
         """The first step without any base set; None if there are some through the horizon."""
-        return None if len(self.steps) == self.horizon + 1 else len(self.steps)
+        empty = (k for k, step in enumerate(self.steps) if not step)
+        first = next(empty, len(self.steps))
+        return None if first > self.horizon else first
 
     def contains(self, k: int, s: float, v_s: float, d: float, v_d: float) -> bool:
         """Whether the state lies in the set at step k."""
