@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import pairwise
 from math import cos as cosine
 from math import pi
 
@@ -41,7 +42,7 @@ TOLERANCE = 1e-6
 """Distance from a base set up to which a state counts as inside [m, m/s]."""
 ARC = 32
 """Segments per quarter circle of a buffer."""
-NOT_FOLLOWED = ("pedestrian", "trafficIsland", "buildings", "median_strip")
+NOT_FOLLOWED = ("pedestrian", "trafficIsland", "building", "pillar", "median_strip")
 
 
 # ------------------------------------------------------------------ exact geometry
@@ -185,10 +186,40 @@ class World:
         raise AssertionError(f"no direct truth of {atom}")
 
     @cached_property
-    def own_lanes(self) -> list[tuple[Lane, shapely.Geometry]]:
-        scene = self.ground.scene
-        lanes = [x for x in (scene.current, scene.left, scene.right) if x is not None]
+    def lanes(self) -> list[tuple[Lane, shapely.Geometry]]:
+        known = ("current", "left", "right", "opposite")
+        lanes = [x for x in self.ground.scene.lanes if x.relation in known]
         return [(lane, lane_area(self.ground, lane)) for lane in lanes]
+
+    @cached_property
+    def leaders(self) -> list[list[list[tuple[float, float, bool]]]]:
+        """Per lane and step: rear end, speed along the lane, and whether R_G1 asks for a distance
+        (with the exception: not for t_c after a vehicle came in)."""
+        scene, settings = self.ground.scene, self.ground.settings
+        exempt = round(settings.t_c / scene.dt) if settings.cut_in_exception else 0
+        found = []
+        for _, area in self.lanes:
+            steps: list[list[tuple[float, float, bool]]] = [
+                [] for _ in range(self.ground.horizon + 1)
+            ]
+            for predicted in self.ground.prediction.obstacles:
+                entered, before = -exempt, True
+                for k, row in enumerate(predicted.states):
+                    if predicted.obstacle.kind in NOT_FOLLOWED or not np.isfinite(row[:4]).all():
+                        continue
+                    body = predicted.obstacle.outline.placed(*row[:3])
+                    inside = shape(body).intersects(area)
+                    if inside and not before:
+                        entered = k
+                    before = inside
+                    if inside:
+                        corners = scene.frame.to_curvilinear(body.vertices)
+                        course = scene.frame.heading(corners[:, :1].mean(axis=0))[0]
+                        speed = max(0.0, row[3] * np.cos(row[2] - course))
+                        rear = corners[:, 0].min() - body.radius
+                        steps[k].append((rear, speed, k - entered >= exempt))
+            found.append(steps)
+        return found
 
     def keeps_safe_distance(self, states: np.ndarray, xy: np.ndarray, k: int) -> np.ndarray:
         """R_G1: for each lane that the disc touches, the nearest vehicle in front there."""
@@ -197,38 +228,22 @@ class World:
         s, v = states[:, 0], states[:, 1]
         front = s + scene.ego.length / 2
         points = shapely.points(xy)
-        for _, area in self.own_lanes:
-            leaders = []
-            for predicted in self.ground.prediction.obstacles:
-                obstacle, row = predicted.obstacle, predicted.states[k]
-                if obstacle.kind in NOT_FOLLOWED or not np.isfinite(row[:4]).all():
-                    continue
-                body = obstacle.outline.placed(*row[:3])
-                if not shape(body).intersects(area):
-                    continue
-                corners = scene.frame.to_curvilinear(body.vertices)
-                lane_heading = scene.frame.heading(corners[:, :1].mean(axis=0))[0]
-                leaders.append(
-                    (
-                        corners[:, 0].min() - body.radius,
-                        max(0.0, row[3] * np.cos(row[2] - lane_heading)),
-                    )
-                )
-            if not leaders:
+        for (_, area), steps in zip(self.lanes, self.leaders, strict=True):
+            if not (leaders := steps[k]):
                 continue
             shapely.prepare(area)
-            inside = shapely.dwithin(area, points, self.radius)
-            for index in np.flatnonzero(inside):
-                ahead = [x for x in leaders if x[0] > front[index]]
-                if ahead:
-                    rear, speed = min(ahead)
-                    u = v[index]
-                    needed = (
-                        u**2 / (2 * abs(settings.a_min))
-                        - speed**2 / (2 * abs(settings.a_obs_min))
-                        + u * settings.t_d
-                    )
-                    kept[index] &= rear - front[index] > needed
+            inside = shapely.contains_xy(area, xy[:, 0], xy[:, 1])
+            beside = np.flatnonzero(~inside)
+            inside[beside] = shapely.dwithin(area, points[beside], self.radius)
+            # The nearest rear end beyond the ego's front; none: nothing is asked.
+            rears, speeds, asked = np.array([*sorted(leaders), (np.inf, 0.0, False)]).T
+            nearest = np.searchsorted(rears[:-1], front, side="right")
+            needed = (
+                v**2 / (2 * abs(settings.a_min))
+                - speeds[nearest] ** 2 / (2 * abs(settings.a_obs_min))
+                + v * settings.t_d
+            )
+            kept &= ~inside | (asked[nearest] == 0.0) | (rears[nearest] - front > needed)
         return kept
 
     def keeps_lane_speed_limit(self, states: np.ndarray, xy: np.ndarray) -> np.ndarray:
@@ -238,7 +253,9 @@ class World:
         by_id = {x.id: x for x in scene.lanelets}
         kept = np.ones(len(states), dtype=bool)
         beside = np.ones(len(states), dtype=bool)
-        for lane, _ in self.own_lanes:
+        for lane in (scene.current, scene.left, scene.right):
+            if lane is None:
+                continue
             for lanelet_id, limit in zip(lane.lanelets, lane.speed_limits, strict=True):
                 lanelet = by_id[lanelet_id]
                 area = shapely.Polygon(np.vstack([lanelet.right, lanelet.left[::-1]])).buffer(0)
@@ -395,7 +412,7 @@ def fly(
     marks = sorted({*inputs, *(a.bound for a in of_input if inputs[0] < a.bound < inputs[1])})
     if len(marks) == 1:
         marks = marks * 2
-    ranges = np.array(list(zip(marks[:-1], marks[1:], strict=True)))
+    ranges = np.array(list(pairwise(marks)))
     middles = ranges.mean(axis=1)
 
     states = _initial(ground, n, rng)

@@ -129,7 +129,7 @@ def test_the_picture_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert str(picture) in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("command", ["decide", "verify", "prompt", "scenarios"])
+@pytest.mark.parametrize("command", ["decide", "verify", "prompt", "scenarios", "demo"])
 def test_every_command_has_an_example_in_its_help(
     command: str, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -58,6 +58,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_verify(commands)
     _add_prompt(commands)
     _add_scenarios(commands)
+    _add_demo(commands)
     return parser
 
 
@@ -180,6 +181,31 @@ def _add_scenarios(commands: Any) -> None:
     )
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.set_defaults(run=_scenarios)
+
+
+def _add_demo(commands: Any) -> None:
+    parser = _command(
+        commands,
+        "demo",
+        "decide the intersection scenario that comes with SanDRA, and draw it",
+        "sandra demo --out demo",
+    )
+    parser.add_argument("--out", default="demo", metavar="FOLDER", help="where the picture goes")
+    parser.set_defaults(run=_demo)
+
+
+def _demo(arguments: argparse.Namespace) -> int:
+    picture = Path(arguments.out) / "decision.png"
+    print("sandra decide intersection --command 'drive faster' --walk all --figure", picture)
+    print("(ranked by the embedded rule-based ranker 'rules'; no language model is asked)\n")
+    try:
+        picture.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise SandraError(
+            f"{picture.parent}: no folder can be made there ({error.strerror}); choose --out"
+        ) from None
+    words = ["intersection", "--command", "drive faster", "--walk", "all"]
+    return main(["decide", *words, "--figure", str(picture)])
 
 
 def _decide(arguments: argparse.Namespace) -> int:

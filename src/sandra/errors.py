@@ -25,6 +25,10 @@ class FormulaError(SandraError):
     """A formula that cannot be parsed, or names an unknown predicate or rule."""
 
 
+class CertificateError(SandraError):
+    """A certificate file that cannot be read, or a certificate that cannot be made of its parts."""
+
+
 class RankerError(SandraError):
     """A ranker that cannot be set up (unknown name, missing key, unreadable file).
 

@@ -27,9 +27,7 @@ def inside_union(points: np.ndarray, regions: tuple[Region, ...]) -> np.ndarray:
         cross = edge[:, 0] * relative[..., 1] - edge[:, 1] * relative[..., 0]
         slack = region.radius + TOLERANCE
         if len(a) < 3 or region.radius > 0:
-            share = np.clip(
-                (relative * edge).sum(-1) / np.maximum(length**2, 1e-12), 0.0, 1.0
-            )
+            share = np.clip((relative * edge).sum(-1) / np.maximum(length**2, 1e-12), 0.0, 1.0)
             near = np.linalg.norm(relative - share[..., None] * edge, axis=-1).min(axis=1)
             result |= near <= slack
         if len(a) >= 3:
@@ -155,9 +153,10 @@ def uncovered(
         if not inside_union(points, prediction.at[k]).all():
             missing.append((k, "at"))
         for j in (k - 1, k):
-            if 0 <= j < min(len(prediction.between), steps - 1) and not inside_union(
-                points, prediction.between[j]
-            ).all():
+            if (
+                0 <= j < min(len(prediction.between), steps - 1)
+                and not inside_union(points, prediction.between[j]).all()
+            ):
                 missing.append((j, "between"))
     return missing
 

@@ -47,7 +47,9 @@ def arc(radius: float, start: float, end: float, centre: tuple[float, float]) ->
     return np.array(centre) + radius * np.column_stack([np.sin(angle), -np.cos(angle)])
 
 
-def straight_road(lanes: int = 3, length: float = 400.0, oncoming: bool = False) -> tuple[Lanelet, ...]:
+def straight_road(
+    lanes: int = 3, length: float = 400.0, oncoming: bool = False
+) -> tuple[Lanelet, ...]:
     """Lanes 1, 2, ... from right to left, each of two lanelets (10 i + 1, 10 i + 2)."""
     half = length / 2
     found = []
@@ -209,9 +211,7 @@ def drive(
     rng = np.random.default_rng(seed)
     step = dt / fine
     p = np.tile([start.x, start.y], (count, 1))
-    v = np.tile(
-        start.speed * np.array([np.cos(start.heading), np.sin(start.heading)]), (count, 1)
-    )
+    v = np.tile(start.speed * np.array([np.cos(start.heading), np.sin(start.heading)]), (count, 1))
     psi = np.full(count, start.heading)
     way = np.zeros(count)
     valid = np.full(count, steps * fine + 1)

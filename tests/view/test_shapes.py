@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 import shapely
-from straight_road import Road
 
 from sandra.reach import verify
 from sandra.scene.types import Region
 from sandra.view.shapes import View, bounds, grown, path_of, polygons, touches, with_aspect
+from straight_road import Road
 
 
 def test_the_ego_is_at_the_origin_and_its_lane_points_right() -> None:

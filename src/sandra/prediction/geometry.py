@@ -74,8 +74,8 @@ def clip(batch: Array, normal: Array, offset: Array) -> tuple[Array, Mask]:
     """
     normals = np.broadcast_to(normal, (len(batch), 2))
     excess = batch[..., 0] * normals[:, :1] + batch[..., 1] * normals[:, 1:] - offset[:, None]
-    inside: Mask = excess <= _EPS
-    alive: Mask = inside.any(axis=1)
+    inside: Mask = np.asarray(excess <= _EPS)
+    alive: Mask = np.asarray(inside.any(axis=1))
     touched = alive & ~inside.all(axis=1)
     if not touched.any():
         return batch[alive], alive

@@ -1,9 +1,11 @@
 """Which stretch of which lanelet a vehicle's centre may be on, step by step.
 
 A vehicle is followed through the lanelets' graph: on to every successor, across to every lane of
-its own direction. Per lanelet and step the set is kept as a rear station m (no reversing: it never
-falls), an interval of y (bounded lateral speed), and the cells that the acceleration-bounded set
-of that step or interval touches. Each of the three is a bound from outside, so is their product.
+its own direction. Per lanelet and step the set is kept as a least progress m (it never falls: no
+reversing), an interval of y (bounded lateral speed), and the cells that the acceleration-bounded
+set of that step or interval touches. Each of the three is a bound from outside, so is their
+product. A change of lanes keeps m, because lanelets side by side measure progress on one scale:
+who changes lanes and returns is not behind where it was.
 """
 
 from __future__ import annotations
@@ -14,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sandra.prediction.lanes import STATION_ERROR, LaneMap, Place, Strip
+from sandra.prediction.lanes import START_ERROR, LaneMap, Place, Strip
 
 Mask = NDArray[np.bool_]
 
@@ -33,7 +35,7 @@ class Node(NamedTuple):
 
 
 class Stretch(NamedTuple):
-    """Part of a lanelet: stations from m on, y within [low, high] [m]."""
+    """Part of a lanelet: progress m or more, y within [low, high] [m]."""
 
     m: float
     low: float
@@ -80,22 +82,21 @@ def follow(
     for place in start:
         strip = lane_map.strips[place.lanelet]
         behind = rules.starts_behind_ego and place.lanelet in rules.ego_lane
-        rear = place.s - strip.skew - STATION_ERROR
-        if rules.reversing:
-            rear = 0.0
+        rear = -np.inf if rules.reversing else place.p - START_ERROR
         now[Node(place.lanelet, OWN if behind else PLAIN)] = Stretch(
-            max(rear, 0.0), place.y - STATION_ERROR, place.y + STATION_ERROR
+            rear, place.y - START_ERROR, place.y + START_ERROR
         )
     points, intervals = [now], []
     for k in range(horizon):
-        during = _spread(lane_map, now, {i: mask[k] for i, mask in between.items()}, rules)
+        touched = {i: mask[k] for i, mask in between.items()}
+        during = _spread(lane_map, now, touched, rules)
         intervals.append(during)
         now = {}
         for node, stretch in during.items():
             strip = lane_map.strips[node.lanelet]
             inside = _inside(strip, at[node.lanelet][k + 1], stretch.m)
             if len(inside):
-                rear = float(strip.s[inside[0]]) - strip.skew
+                rear = float(strip.behind[inside].min())
                 m = stretch.m if rules.reversing else max(stretch.m, rear)
                 now[node] = Stretch(m, stretch.low, stretch.high)
         points.append(now)
@@ -103,13 +104,15 @@ def follow(
 
 
 def _inside(strip: Strip, touched: Mask, m: float) -> NDArray[np.int64]:
-    """Cells touched, from station m on."""
-    first = max(int(np.searchsorted(strip.s, m, side="right")) - 1, 0)
-    return first + np.flatnonzero(touched[first:])
+    """Cells touched that hold points of progress m or more."""
+    return np.flatnonzero(touched & (strip.ahead >= m))
 
 
 def _spread(
-    lane_map: LaneMap, now: dict[Node, Stretch], touched: dict[int, Mask], rules: Rules
+    lane_map: LaneMap,
+    now: dict[Node, Stretch],
+    touched: dict[int, Mask],
+    rules: Rules,
 ) -> dict[Node, Stretch]:
     """Everything that can be entered within one step, from `now`."""
     found: dict[Node, Stretch] = {}
@@ -147,20 +150,18 @@ def _spread(
             for i in strip.predecessors:
                 enter(_onward(node, i, rules), _to_end(stretch, strip, lane_map.strips[i], False))
         narrowest = float(strip.half[first : last + 2].min())
-        m = max(stretch.m, float(strip.s[first]))
-        station = max(int(np.searchsorted(strip.s, m, side="right")) - 1, 0)
-        for other_id, arrivals, excess, side in (
-            (strip.left_id, strip.to_left, stretch.high - narrowest, 1),
-            (strip.right_id, strip.to_right, -stretch.low - narrowest, -1),
+        m = max(stretch.m, float(strip.behind[inside].min()))
+        for other_id, excess, side in (
+            (strip.left_id, stretch.high - narrowest, 1),
+            (strip.right_id, -stretch.low - narrowest, -1),
         ):
-            if other_id is None or arrivals is None or excess < -STATION_ERROR:
+            if other_id is None or excess < -START_ERROR:
                 continue
             other = lane_map.strips[other_id]
-            excess = max(excess, 0.0) + STATION_ERROR
+            excess = max(excess, 0.0) + START_ERROR
             widest, least = float(other.half.max()), float(other.half.min())
             low, high = (-widest, excess - least) if side > 0 else (least - excess, widest)
-            rear = float(arrivals[station]) - other.skew - strip.skew - STATION_ERROR
-            rear = 0.0 if rules.reversing else max(rear, 0.0)
+            rear = m if other_id in strip.shared and not rules.reversing else -np.inf
             enter(_sideways(node, other_id, rules), Stretch(rear, low, high))
     return kept
 
@@ -170,12 +171,12 @@ def _to_end(stretch: Stretch, strip: Strip, other: Strip, forward: bool) -> Stre
     end, begin = (-1, 0) if forward else (0, -1)
     gap = strip.centre[end] - other.centre[begin]
     shift = float(gap @ other.across[begin])
-    low, high = stretch.low + shift - STATION_ERROR, stretch.high + shift + STATION_ERROR
+    low, high = stretch.low + shift - START_ERROR, stretch.high + shift + START_ERROR
     turn = abs(float(strip.across[end] @ other.across[begin]))
     if turn < 0.99 or float(np.hypot(*gap)) > float(strip.half[end]):
         # The cross-sections do not meet edge to edge: nothing is known of y.
         low, high = -np.inf, np.inf
-    return Stretch(0.0, low, high)
+    return Stretch(-np.inf, low, high)
 
 
 def _onward(node: Node, lanelet: int, rules: Rules) -> Node:

@@ -1,13 +1,18 @@
 """The map as the set-based prediction needs it: lanelets cut into cells and slices.
 
-Position on a lanelet is (s, y): station s along its centre line and signed distance y from the
-centre line along the cross-section there, y > 0 to the left [m]. Cells (about 1 m) decide which
-stretch of a lanelet can be reached; slices (as long as the road is straight) become regions.
+Position on a lanelet is (p, y). y is the signed distance from the centre line along the
+cross-section, y > 0 to the left. The progress p is the station of the point's foot on the centre
+line; who does not drive backwards never loses any. Cross-sections may be slanted, so p differs
+along one: it is given at both its ends and linear in between. Lanelets side by side share one
+scale of p, so that a change of lanes leaves it as it is. All in metres.
+
+Cells (about 1 m) decide which stretch of a lanelet can be reached; slices (as long as the road is
+straight) become regions.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,8 +33,8 @@ STRAIGHT = 0.15
 """Borders of a slice leave its chords by at most this [m]."""
 BACKWARD_EXTENSION = 20.0
 """How far a lanelet without predecessor is continued backwards, for long bodies [m]."""
-STATION_ERROR = 0.1
-"""Bound on the error of stations found for a point [m]."""
+START_ERROR = 0.1
+"""Bound on the error of the (p, y) found for a point [m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,6 +47,10 @@ class Slice:
     """(n, 2) [m]"""
     along: Array
     """(2,) unit vector in the direction of travel."""
+    ahead: float
+    """Largest progress in it [m]."""
+    lag: float
+    """Progress exceeds the way along the slice by at most this: along . x >= p - lag [m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,8 +67,11 @@ class Strip:
     """(n, 2) unit vectors from right to left."""
     half: Array
     """(n,) half width [m]."""
-    skew: float
-    """How much of a cross-section lies along the lane [m]: a move across changes s by that."""
+    progress: Array
+    """(n, 2) progress of the right and left ends of each cross-section [m]."""
+    behind: Array
+    ahead: Array
+    """(n-1,) smallest and largest progress in each cell [m]."""
     stretch: float
     """A speed across the lane changes y at most this much faster (slanted cross-sections)."""
     cells: Array
@@ -75,9 +87,8 @@ class Strip:
     left_id: int | None
     """The lanelet to the left, if it has the same direction."""
     right_id: int | None
-    to_left: Array | None
-    """(n,) station on `left_id` from which on a move across at s or later arrives [m]."""
-    to_right: Array | None
+    shared: frozenset[int]
+    """Those of the two whose progress is on the same scale."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,6 +97,8 @@ class Place:
 
     lanelet: int
     s: float
+    """Station on this lanelet's centre line."""
+    p: float
     y: float
     relative_heading: float
     """Heading relative to the lane, in (-pi, pi] [rad]."""
@@ -126,11 +139,11 @@ class LaneMap:
             i = int(boxes[near.argmin()])
             if near.min() > tolerance:
                 continue
-            s, offset = _locate(strip, i, point[0])
+            s, p, offset = _locate(strip, i, point[0])
             along = strip.centre[i + 1] - strip.centre[i]
             relative = heading - float(np.arctan2(along[1], along[0]))
             relative = (relative + np.pi) % (2 * np.pi) - np.pi
-            found.append(Place(strip.id, s, offset, relative))
+            found.append(Place(strip.id, s, p, offset, relative))
         return found
 
     def reachable(self, start: Iterable[int], reversing: bool) -> list[int]:
@@ -159,16 +172,20 @@ class LaneMap:
         return list(found)
 
 
-def _locate(strip: Strip, i: int, point: Array) -> tuple[float, float]:
-    """(s, y) of a point in cell i."""
+def _locate(strip: Strip, i: int, point: Array) -> tuple[float, float, float]:
+    """(s, p, y) of a point in cell i."""
     before = _beyond(strip, i, point)
     after = -_beyond(strip, i + 1, point)
     total = before + after
     share = min(max(before / total, 0.0), 1.0) if total > 0 else 0.0
-    s = (1 - share) * strip.s[i] + share * strip.s[i + 1]
-    centre = (1 - share) * strip.centre[i] + share * strip.centre[i + 1]
-    across = (1 - share) * strip.across[i] + share * strip.across[i + 1]
-    return float(s), float((point - centre) @ across / np.hypot(*across))
+    right, left, centre, across, progress = (
+        (1 - share) * a[i] + share * a[i + 1]
+        for a in (strip.right, strip.left, strip.centre, strip.across, strip.progress)
+    )
+    y = float((point - centre) @ across / np.hypot(*across))
+    width = max(float(np.hypot(*(left - right))), 1e-9)
+    station = float((1 - share) * strip.s[i] + share * strip.s[i + 1])
+    return station, float(progress.mean() + y / width * (progress[1] - progress[0])), y
 
 
 def _beyond(strip: Strip, i: int, point: Array) -> float:
@@ -185,17 +202,47 @@ def build_map(lanelets: tuple[Lanelet, ...], reach: float) -> LaneMap:
     """
     known = {lanelet.id for lanelet in lanelets}
     strips = {lanelet.id: _strip(lanelet, known, reach) for lanelet in lanelets}
-    linked = {}
-    for i, strip in strips.items():
-        to_left = to_right = None
-        if strip.left_id is not None:
-            other = strips[strip.left_id]
-            to_left = _arrivals(strip.left, other.right[other.corners], other.s[other.corners])
-        if strip.right_id is not None:
-            other = strips[strip.right_id]
-            to_right = _arrivals(strip.right, other.left[other.corners], other.s[other.corners])
-        linked[i] = replace(strip, to_left=to_left, to_right=to_right)
-    return LaneMap(linked)
+    _share_progress(strips)
+    return LaneMap(strips)
+
+
+def _share_progress(strips: dict[int, Strip]) -> None:
+    """Bring the progress of lanelets side by side onto the scale of one of them, in `strips`."""
+    done: set[int] = set()
+    for first in strips:
+        if first in done:
+            continue
+        done.add(first)
+        todo = [first]
+        for i in todo:
+            for side, j in ((0, strips[i].right_id), (1, strips[i].left_id)):
+                if j is None or j in done:
+                    continue
+                done.add(j)
+                todo.append(j)
+                scale = _scale(strips[i], strips[j], side)
+                if scale is not None:
+                    strips[j] = _with_progress(strips[j], scale(strips[j].progress))
+                    strips[i] = replace(strips[i], shared=strips[i].shared | {j})
+                    strips[j] = replace(strips[j], shared=strips[j].shared | {i})
+
+
+def _with_progress(strip: Strip, progress: Array) -> Strip:
+    cells = np.stack([progress[:-1], progress[1:]], axis=1)
+    return replace(
+        strip,
+        progress=progress,
+        behind=cells.min(axis=(1, 2)),
+        ahead=cells.max(axis=(1, 2)),
+        slices=tuple(_measured(strip, part, progress) for part in strip.slices),
+    )
+
+
+def _measured(strip: Strip, part: Slice, progress: Array) -> Slice:
+    index = slice(part.first, part.last + 1)
+    ways = np.column_stack([strip.right[index] @ part.along, strip.left[index] @ part.along])
+    lag = float((progress[index] - ways).max())
+    return replace(part, ahead=float(progress[index].max()), lag=lag)
 
 
 def _strip(lanelet: Lanelet, known: set[int], reach: float) -> Strip:
@@ -232,10 +279,13 @@ def _strip(lanelet: Lanelet, known: set[int], reach: float) -> Strip:
         width[:, None] > 1e-6, (left - right) / np.maximum(width, 1e-6)[:, None], sideways
     )
     upright = np.clip((across * sideways).sum(axis=1), 0.2, 1.0)
+    # How far the ends of a slanted cross-section are ahead of its middle.
+    lead = width / 2 * (across * tangent).sum(axis=1)
+    progress = np.column_stack([s - lead, s + lead])
     cells = np.stack([right[:-1], right[1:], left[1:], left[:-1]], axis=1)
     same = (lanelet.adjacent_left, lanelet.adjacent_right)
     left_id, right_id = (a[0] if a and a[1] and a[0] in known else None for a in same)
-    return Strip(
+    plain = Strip(
         id=lanelet.id,
         s=s,
         right=right,
@@ -243,7 +293,9 @@ def _strip(lanelet: Lanelet, known: set[int], reach: float) -> Strip:
         centre=centre,
         across=across,
         half=width / 2,
-        skew=float(np.abs(((left - right) * tangent).sum(axis=1)).max()),
+        progress=progress,
+        behind=s[:-1],
+        ahead=s[1:],
         stretch=float(1.0 / upright.min()),
         cells=cells,
         low=cells.min(axis=1),
@@ -254,9 +306,9 @@ def _strip(lanelet: Lanelet, known: set[int], reach: float) -> Strip:
         predecessors=predecessors,
         left_id=left_id,
         right_id=right_id,
-        to_left=None,
-        to_right=None,
+        shared=frozenset(),
     )
+    return _with_progress(plain, progress)
 
 
 def _cell_counts(right: Array, left: Array, longest: float) -> list[int]:
@@ -294,7 +346,7 @@ def _slices(right: Array, left: Array) -> list[Slice]:
         along = (right[last] + left[last] - right[first] - left[first]) / 2
         length = float(np.hypot(*along))
         unit = along / length if length > 0 else np.array([1.0, 0.0])
-        slices.append(Slice(first, last, hull, unit))
+        slices.append(Slice(first, last, hull, unit, np.inf, np.inf))
         first = last
     return slices
 
@@ -312,16 +364,36 @@ def _is_straight(right: Array, left: Array, first: int, last: int) -> bool:
     return True
 
 
-def _arrivals(border: Array, other_border: Array, other_s: Array) -> Array:
-    """(n,) smallest station on the other lanelet of the border points i, i+1, ... [m]."""
-    a, b = other_border[:-1], other_border[1:]
-    edge = b - a
+def _scale(strip: Strip, other: Strip, side: int) -> Callable[[Array], Array] | None:
+    """The map from another lanelet's progress to a strip's, along their common border.
+
+    `side`: 0 if the other is to the right, 1 if to the left. None if the borders do not face each
+    other over any length.
+    """
+    border = (strip.right, strip.left)[side]
+    facing = (other.left, other.right)[side][other.corners]
+    a, edge = facing[:-1], np.diff(facing, axis=0)
     length2 = np.maximum((edge**2).sum(axis=1), 1e-12)
     relative = border[:, None, :] - a[None]
     share = np.clip((relative * edge).sum(axis=2) / length2, 0.0, 1.0)
     gap = relative - share[..., None] * edge
     nearest = (gap**2).sum(axis=2).argmin(axis=1)
-    row = np.arange(len(border))
-    step = np.diff(other_s)[nearest]
-    s = other_s[nearest] + share[row, nearest] * step
-    return np.asarray(np.minimum.accumulate(s[::-1])[::-1])
+    within = share[np.arange(len(border)), nearest]
+    # Cells divide the straight edges between the map's points evenly.
+    index = other.corners[nearest] + within * np.diff(other.corners)[nearest]
+    theirs = np.interp(index, np.arange(len(other.s)), other.progress[:, 1 - side])
+    # Beyond the other border's ends all points have the same foot: they tell nothing.
+    facing_it = (index > 0) & (index < len(other.s) - 1)
+    facing_it[1:] |= facing_it[:-1].copy()
+    facing_it[:-1] |= facing_it[1:].copy()
+    x, y = theirs[facing_it], strip.progress[facing_it, side]
+    rising = np.concatenate([[True], np.diff(np.maximum.accumulate(x)) > 1e-6])[: len(x)]
+    x, y = x[rising], np.maximum.accumulate(y)[rising]
+    if len(x) < 2:
+        return None
+
+    def scale(progress: Array) -> Array:
+        ahead = np.maximum(progress - x[-1], 0.0) + np.minimum(progress - x[0], 0.0)
+        return np.asarray(np.interp(progress, x, y) + ahead)
+
+    return scale

@@ -216,11 +216,11 @@ def _path(lane_map: LaneMap, place: Place, start: Array, heading: float, length:
     points = [start]
     strip, y = lane_map.strips[place.lanelet], place.y
     along = np.array([math.cos(heading), math.sin(heading)])
-    first = int(np.searchsorted(strip.s, place.s, side="right"))
+    ahead = strip.corners[strip.s[strip.corners] > place.s]
     way = 0.0
     seen = {strip.id}
     while way <= length:
-        for point in strip.centre[first:] + y * strip.across[first:]:
+        for point in strip.centre[ahead] + y * strip.across[ahead]:
             step = point - points[-1]
             size = float(np.hypot(*step))
             if float(step @ along) > max(0.5 * size, _SHORTEST):
@@ -233,7 +233,7 @@ def _path(lane_map: LaneMap, place: Place, start: Array, heading: float, length:
         following = min((lane_map.strips[i] for i in onward), key=lambda other: _bend(strip, other))
         gap = strip.centre[-1] + y * strip.across[-1] - following.centre[0]
         y = float(gap @ following.across[0])
-        strip, first = following, 0
+        strip, ahead = following, following.corners
         seen.add(strip.id)
     points.append(points[-1] + along * (max(length - way, 0.0) + 1.0))
     return np.array(points)

@@ -30,6 +30,8 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Regions = tuple[tuple[Region, ...], ...]
 
+FAR = 1e9
+"""Stands for "not bounded" [m]."""
 ROUNDING = 1e-9
 """Half-planes are this much wider than computed [m]."""
 
@@ -149,7 +151,7 @@ class Follower:
                 wanted = [
                     (row, stretch)
                     for (row, stretch), close in zip(uses, near.tolist(), strict=True)
-                    if close and stretch.m < strip.s[part.last]
+                    if close and stretch.m <= part.ahead
                 ]
                 if not wanted:
                     continue
@@ -225,19 +227,13 @@ def _touched(cells: Array, normals: Array, offsets: Array) -> Mask:
 def _limits(strip: Strip, part: Slice, across: Array, stretches: list[Stretch]) -> Array:
     """For each of K stretches the bounds (rear, right, left) of its points in one slice, (K, 3).
 
-    Rear is measured along the slice, right and left across it [m]; they are the extremes over the
-    cross-sections from station m on, each shortened to y within [low, high].
+    Rear is measured along the slice, right and left across it [m]; the latter are the extremes
+    over all its cross-sections, each shortened to y within [low, high].
     """
     index = slice(part.first, part.last + 1)
-    s, half = strip.s[index], strip.half[index]
+    half = strip.half[index]
     m, lowest, highest = np.array(stretches).T
-    ends = np.stack([strip.right[index] @ part.along, strip.left[index] @ part.along])
-    # The rearmost point of the sections from each one on; of those after m, and of the one at m.
-    least = np.minimum.accumulate(ends.min(axis=0)[::-1])[::-1]
-    i = np.clip(np.searchsorted(s, m, side="right") - 1, 0, len(s) - 2)
-    share = np.clip((m - s[i]) / np.maximum(s[i + 1] - s[i], 1e-12), 0.0, 1.0)
-    at_m = ((1 - share) * ends[:, i] + share * ends[:, i + 1]).min(axis=0)
-    rear = np.minimum(at_m, least[i + 1])
+    rear = np.maximum(m - part.lag, -FAR)
     centre, unit = strip.centre[index] @ across, strip.across[index] @ across
     right = (centre + np.clip(lowest[:, None], -half, half) * unit).min(axis=1)
     left = (centre + np.clip(highest[:, None], -half, half) * unit).max(axis=1)

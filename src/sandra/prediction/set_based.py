@@ -61,9 +61,11 @@ def predict_sets(
     """
     check_assumptions(settings.assumptions)
     a = settings.assumptions
-    fastest = max([a.max_speed, *(abs(o.state.speed) for o in scene.obstacles)])
-    top = max((abs(o.state.speed) for o in scene.obstacles if o.speed_is_known), default=0.0)
-    start = fastest if any(not o.speed_is_known for o in scene.obstacles) else top
+    speeds = [
+        abs(_first_seen(o)[1].speed) if o.speed_is_known else a.max_speed for o in scene.obstacles
+    ]
+    start = max(speeds, default=0.0)
+    fastest = max(start, a.max_speed)
     time = np.array(horizon * scene.dt)
     reach = float(travelled(np.array(start), a.max_acceleration, fastest, time))
     lane_map = build_map(scene.lanelets, reach + 1.0)
@@ -91,7 +93,7 @@ def _predict_one(
     obstacle = likely.obstacle
     if is_fixed(obstacle):
         return likely
-    first, state = _first_seen(obstacle, horizon)
+    first, state = _first_seen(obstacle)
     if first > horizon:
         return PredictedObstacle(
             obstacle, ((),) * (horizon + 1), ((),) * horizon, likely.states, (), ()
@@ -132,7 +134,7 @@ def _predict_one(
     )
 
 
-def _first_seen(obstacle: Obstacle, horizon: int) -> tuple[int, State]:
+def _first_seen(obstacle: Obstacle) -> tuple[int, State]:
     """The step at which a recording begins, and the state there."""
     if obstacle.states is None or not len(obstacle.states):
         return 0, obstacle.state

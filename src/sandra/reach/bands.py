@@ -113,9 +113,9 @@ def band(frame: Frame, lattice: Lattice, left: Array, right: Array, radius: floa
 
 
 def _alike(bounds: Array) -> bool:
-    first = bounds[0]
-    same = bounds == first  # infinite ones too
-    return bool(np.all(same | (np.abs(np.where(same, 0.0, bounds - first)) <= BORDER_MERGE / 2)))
+    """Whether no bound changes by more than `BORDER_MERGE` / 2, nor between finite and infinite."""
+    bounds = np.clip(bounds, -1e6, 1e6)
+    return bool((np.abs(bounds - bounds[0]) <= BORDER_MERGE / 2).all())
 
 
 def _within_reach(

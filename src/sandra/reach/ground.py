@@ -183,7 +183,7 @@ def _borders_between(scene: Scene, s_range: tuple[float, float], reach: float) -
     every = np.vstack(found)
     points = scene.frame.to_curvilinear(every[np.hypot(*(every - ego).T) <= farthest])
     inside = (points[:, 0] >= s_range[0]) & (points[:, 0] <= s_range[1])
-    return points[inside, 1]
+    return np.asarray(points[inside, 1])
 
 
 def _grid(scene: Scene, s: Array, d: Array) -> Array:

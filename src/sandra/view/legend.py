@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from sandra.view import palette
-from sandra.view.lettering import FAMILY, font, width
+from sandra.view.lettering import FAMILY, HINTING, font, width
 from sandra.view.page import Page
 
 SIZE = 8.0
@@ -56,13 +56,13 @@ def _placed(
     x, line = 0.0, 0
     found = []
     for entry in entries:
-        needed = _SAMPLE + width(entry[1], SIZE)
+        needed = _SAMPLE + (1.0 + HINTING) * width(entry[1], SIZE)
         # The bar and its numbers stand beside the first two lines.
         room = wide - (_BAR + 0.2 if bar and line < 2 else 0.0)
         if x > 0.0 and x + needed > room:
             x, line = 0.0, line + 1
         found.append((x, line, entry))
-        x += needed + 0.22
+        x += needed + 0.16
     return found
 
 

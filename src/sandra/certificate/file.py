@@ -1,0 +1,431 @@
+"""One certificate, one file: JSON with plain lists of numbers, gzip if the name ends in `.gz`.
+
+Numbers are written so that they come back bit for bit; NaN (a participant that is absent) is
+null; an infinite parameter is "inf". A reader refuses other versions, missing and unknown keys,
+and whatever is not of the kind that belongs there.
+"""
+
+from __future__ import annotations
+
+import gzip
+import json
+import math
+import zlib
+from collections.abc import Callable, Mapping
+from dataclasses import fields
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sandra.actions import ActionPair
+from sandra.certificate.types import (
+    FORMAT,
+    Body,
+    Certificate,
+    LaneOf,
+    Occupancies,
+    Participant,
+    Pavement,
+)
+from sandra.errors import ActionError, CertificateError, SettingsError
+from sandra.planning.types import Trajectory
+from sandra.scene.types import Region
+from sandra.settings import Assumptions, Settings
+
+Array = NDArray[np.float64]
+T = TypeVar("T")
+Json = Any
+"""What `json` reads: None, bool, int, float, str, list, dict."""
+
+LARGEST_FILE = 1 << 30
+"""More bytes than this, unpacked, are no certificate."""
+
+NEEDED = (
+    *("a_lon_min", "a_lon_max", "a_lat_max", "v_max", "steering_angle_max", "steering_rate_max"),
+    *("a_lim", "v_err", "t_d", "a_min", "a_obs_min", "cut_in_exception", "t_c"),
+    *("a_abrupt", "v_fov", "v_braking", "v_type"),
+)
+"""Parameters that a file must hold; formulas may name others, which are there if they exist."""
+
+
+def save(certificate: Certificate, path: str | Path) -> Path:
+    """Write a certificate.
+
+    Raises:
+        CertificateError: if the file cannot be written.
+    """
+    text = json.dumps(to_json(certificate), allow_nan=False, indent=None, separators=(",", ":"))
+    data = text.encode("utf-8")
+    target = Path(path)
+    try:
+        # Without a time of writing equal certificates are equal files.
+        packed = gzip.compress(data, mtime=0) if target.suffix == ".gz" else data
+        target.write_bytes(packed)
+    except OSError as error:
+        raise CertificateError(f"{path}: cannot be written ({error.strerror})") from None
+    return target
+
+
+def load(path: str | Path) -> Certificate:
+    """Read a certificate; whether it holds is for `check` to say.
+
+    Raises:
+        CertificateError: if the file cannot be read, or is no certificate of a known version.
+    """
+    try:
+        if Path(path).suffix == ".gz":
+            with gzip.open(path) as file:
+                data = file.read(LARGEST_FILE + 1)
+        else:
+            with open(path, "rb") as file:
+                data = file.read(LARGEST_FILE + 1)
+    except (OSError, EOFError, zlib.error) as error:
+        why = getattr(error, "strerror", None) or str(error)
+        raise CertificateError(f"{path}: cannot be read ({why}); check the path") from None
+    if len(data) > LARGEST_FILE:
+        raise CertificateError(f"{path}: larger than {LARGEST_FILE} bytes, no certificate")
+    try:
+        tree = json.loads(data, parse_constant=_no_constant)
+    except (ValueError, RecursionError) as error:
+        raise CertificateError(f"{path}: not a JSON file ({error})") from None
+    try:
+        return from_json(tree)
+    except CertificateError as error:
+        raise CertificateError(f"{path}: {error}") from None
+
+
+def _no_constant(name: str) -> float:
+    raise ValueError(f"{name} is no JSON")
+
+
+def to_json(c: Certificate) -> dict[str, Json]:
+    """A certificate as JSON."""
+    return {
+        "format": c.format,
+        "versions": dict(c.versions),
+        "note": c.note,
+        "scenario": c.scenario,
+        "dt": c.dt,
+        "horizon": c.horizon,
+        "ego": {name: getattr(c.ego, name) for name in _names(Body)},
+        "initial": _listed(c.initial),
+        "pair": str(c.pair),
+        "rules": list(c.rules),
+        "formula": c.formula,
+        "parts": [list(part) for part in c.parts],
+        "vocabulary": None
+        if c.vocabulary is None
+        else {section: dict(texts) for section, texts in c.vocabulary.items()},
+        "lanes": [{"relation": x.relation, "lanelets": list(x.lanelets)} for x in c.lanes],
+        "lanelets": [_of_pavement(x) for x in c.lanelets],
+        "reference": _listed(c.reference),
+        "conflicts": [_of_pavement(x) for x in c.conflicts],
+        "obstacles": [_of_participant(x) for x in c.obstacles],
+        "prediction": c.prediction,
+        "set_based": c.set_based,
+        "notes": list(c.notes),
+        "witness": _of_trajectory(c.witness),
+        "t_dec": c.t_dec,
+        "fail_safe": _of_trajectory(c.fail_safe),
+        "settings": {
+            **{name: _of_number(getattr(c.settings, name)) for name in _PARAMETERS},
+            "assumptions": {
+                name: _of_number(getattr(c.settings.assumptions, name))
+                for name in _names(Assumptions)
+            },
+        },
+    }
+
+
+def from_json(tree: Json) -> Certificate:
+    """A certificate from JSON.
+
+    Raises:
+        CertificateError: if it is no certificate of a known version.
+    """
+    if not isinstance(tree, dict) or tree.get("format") != FORMAT:
+        found = tree.get("format") if isinstance(tree, dict) else None
+        raise CertificateError(f"its format is {str(found)[:40]!r}, only {FORMAT!r} is known")
+    at = _Place(tree, "certificate", {f.name for f in fields(Certificate)})
+    return Certificate(
+        format=FORMAT,
+        versions=at.read("versions", _texts_by_name),
+        note=at.read("note", _text),
+        scenario=at.read("scenario", _text),
+        dt=at.read("dt", _number),
+        horizon=at.read("horizon", _integer),
+        ego=at.read("ego", _body),
+        initial=at.read("initial", _array(1)),
+        pair=at.read("pair", _pair),
+        rules=at.read("rules", _several(_text)),
+        formula=at.read("formula", _text),
+        parts=at.read("parts", _several(_two_texts)),
+        vocabulary=at.read("vocabulary", _vocabulary),
+        lanes=at.read("lanes", _several(_lane)),
+        lanelets=at.read("lanelets", _several(_pavement)),
+        reference=at.read("reference", _array(2)),
+        conflicts=at.read("conflicts", _several(_pavement)),
+        obstacles=at.read("obstacles", _several(_participant)),
+        prediction=at.read("prediction", _text),
+        set_based=at.read("set_based", _text),
+        notes=at.read("notes", _several(_text)),
+        witness=at.read("witness", _trajectory),
+        t_dec=at.read("t_dec", _number),
+        fail_safe=at.read("fail_safe", _trajectory),
+        settings=at.read("settings", _settings),
+    )
+
+
+# Writing
+
+
+def _listed(values: Array) -> Json:
+    nested = values.tolist()
+    if np.isfinite(values).all():
+        return nested
+    return _without_nan(nested)
+
+
+def _without_nan(values: Json) -> Json:
+    if isinstance(values, list):
+        return [_without_nan(x) for x in values]
+    if math.isinf(values):
+        raise CertificateError("an array holds an infinite number: it cannot be written")
+    return None if math.isnan(values) else values
+
+
+def _of_number(value: float | bool) -> Json:
+    return "inf" if value == math.inf else value
+
+
+def _of_pavement(x: Pavement) -> Json:
+    return {
+        "id": x.id,
+        "left": _listed(x.left),
+        "right": _listed(x.right),
+        "speed_limit": x.speed_limit,
+    }
+
+
+def _of_participant(x: Participant) -> Json:
+    return {
+        "id": x.id,
+        "kind": x.kind,
+        "outline": _of_region(x.outline),
+        "is_static": x.is_static,
+        "states": _listed(x.states),
+        "likely": _of_occupancies(x.likely),
+        "possible": _of_occupancies(x.possible),
+        "assumptions": list(x.assumptions),
+        "dropped": list(x.dropped),
+        "basis": list(x.basis),
+    }
+
+
+def _of_occupancies(occupancies: Occupancies) -> Json:
+    return [[_of_region(region) for region in step] for step in occupancies]
+
+
+def _of_region(region: Region) -> Json:
+    return {"vertices": _listed(region.vertices), "radius": region.radius}
+
+
+def _of_trajectory(t: Trajectory) -> Json:
+    return {
+        "start": t.start,
+        "tau": t.tau,
+        "states": _listed(t.states),
+        "inputs": _listed(t.inputs),
+    }
+
+
+# Reading
+
+
+class _Place:
+    """A JSON object of which every key must be there, and no other."""
+
+    def __init__(
+        self, tree: Json, name: str, keys: set[str], optional: frozenset[str] = frozenset()
+    ) -> None:
+        if not isinstance(tree, dict):
+            raise CertificateError(f"'{name}' is no JSON object")
+        missing, unknown = keys - optional - set(tree), set(tree) - keys
+        if missing or unknown:
+            what = f"lacks '{min(missing)}'" if missing else f"has unknown '{min(unknown)[:40]}'"
+            raise CertificateError(f"'{name}' {what}")
+        self.tree, self.name = tree, name
+
+    def read(self, key: str, kind: Callable[[Json], T]) -> T:
+        """The value of a key, if it is of a kind."""
+        try:
+            return kind(self.tree[key])
+        except _WrongKindError as error:
+            raise CertificateError(f"'{self.name}.{key}' {error}") from None
+
+
+class _WrongKindError(Exception):
+    """A value that is not what belongs there; its text completes "'key' ..."."""
+
+
+def _text(value: Json) -> str:
+    if not isinstance(value, str):
+        raise _WrongKindError("is no text")
+    return value
+
+
+def _integer(value: Json) -> int:
+    if not isinstance(value, int) or isinstance(value, bool):
+        raise _WrongKindError("is no integer")
+    return value
+
+
+def _truth(value: Json) -> bool:
+    if not isinstance(value, bool):
+        raise _WrongKindError("is neither true nor false")
+    return value
+
+
+def _number(value: Json) -> float:
+    # Numbers beyond the range of doubles come as huge integers, or as infinite floats.
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e300:
+        raise _WrongKindError("is no finite number")
+    return float(value)
+
+
+def _several(kind: Callable[[Json], T]) -> Callable[[Json], tuple[T, ...]]:
+    def read(value: Json) -> tuple[T, ...]:
+        if not isinstance(value, list):
+            raise _WrongKindError("is no list")
+        return tuple(kind(x) for x in value)
+
+    return read
+
+
+def _array(dimensions: int) -> Callable[[Json], Array]:
+    """An array of numbers; null stands for NaN."""
+
+    def read(value: Json) -> Array:
+        rows = value if dimensions == 2 else [value]
+        if not isinstance(rows, list) or not all(isinstance(row, list) for row in rows):
+            raise _WrongKindError(f"is no array of {dimensions} dimensions")
+        if any(len(row) != len(rows[0]) for row in rows):
+            raise _WrongKindError("has rows of different lengths")
+        numbers = [[math.nan if x is None else _number(x) for x in row] for row in rows]
+        found = np.array(numbers, dtype=np.float64)
+        # An empty list has no columns to count: all empty arrays here are inputs, (0, 2).
+        found = found.reshape(0, 2) if dimensions == 2 and not rows else found
+        found = found if dimensions == 2 else found[0]
+        found.setflags(write=False)
+        return found
+
+    return read
+
+
+def _texts_by_name(value: Json) -> Mapping[str, str]:
+    if not isinstance(value, dict):
+        raise _WrongKindError("is no JSON object")
+    return MappingProxyType({name: _text(text) for name, text in value.items()})
+
+
+def _two_texts(value: Json) -> tuple[str, str]:
+    found = _several(_text)(value)
+    if len(found) != 2:
+        raise _WrongKindError("has not two texts each")
+    return found[0], found[1]
+
+
+def _vocabulary(value: Json) -> Mapping[str, Mapping[str, str]] | None:
+    if value is None:
+        return None
+    at = _Place(value, "vocabulary", {"actions", "rules", "predicates"})
+    return MappingProxyType({section: at.read(section, _texts_by_name) for section in value})
+
+
+def _pair(value: Json) -> ActionPair:
+    try:
+        return ActionPair.parse(_text(value))
+    except ActionError:
+        raise _WrongKindError("is no action pair") from None
+
+
+def _body(value: Json) -> Body:
+    at = _Place(value, "ego", set(_names(Body)))
+    lengths = [at.read(name, _number) for name in ("length", "width", "wheelbase")]
+    return Body(at.read("id", _integer), *lengths)
+
+
+def _lane(value: Json) -> LaneOf:
+    at = _Place(value, "lanes", {"relation", "lanelets"})
+    return LaneOf(at.read("relation", _text), at.read("lanelets", _several(_integer)))
+
+
+def _pavement(value: Json) -> Pavement:
+    at = _Place(value, "lanelets", {"id", "left", "right", "speed_limit"})
+    limit = at.read("speed_limit", lambda x: None if x is None else _number(x))
+    borders = at.read("left", _array(2)), at.read("right", _array(2))
+    return Pavement(at.read("id", _integer), *borders, limit)
+
+
+def _participant(value: Json) -> Participant:
+    at = _Place(value, "obstacles", set(_names(Participant)))
+    return Participant(
+        id=at.read("id", _integer),
+        kind=at.read("kind", _text),
+        outline=at.read("outline", _region),
+        is_static=at.read("is_static", _truth),
+        states=at.read("states", _array(2)),
+        likely=at.read("likely", _several(_several(_region))),
+        possible=at.read("possible", _several(_several(_region))),
+        assumptions=at.read("assumptions", _several(_text)),
+        dropped=at.read("dropped", _several(_text)),
+        basis=at.read("basis", _several(_text)),
+    )
+
+
+def _region(value: Json) -> Region:
+    at = _Place(value, "region", {"vertices", "radius"})
+    return Region(at.read("vertices", _array(2)), at.read("radius", _number))
+
+
+def _trajectory(value: Json) -> Trajectory:
+    at = _Place(value, "trajectory", {"start", "tau", "states", "inputs"})
+    arrays = at.read("states", _array(2)), at.read("inputs", _array(2))
+    return Trajectory(*arrays, at.read("tau", _number), at.read("start", _number))
+
+
+def _settings(value: Json) -> Settings:
+    names = set(_PARAMETERS)
+    at = _Place(value, "settings", {*names, "assumptions"}, frozenset(names - set(NEEDED)))
+    given = {name: at.read(name, _parameter) for name in _PARAMETERS if name in at.tree}
+    return _made(Settings, {**given, "assumptions": at.read("assumptions", _assumptions)})
+
+
+def _assumptions(value: Json) -> Assumptions:
+    names = set(_names(Assumptions))
+    # One that the file does not know was not assumed; there is no default for that.
+    at = _Place(value, "assumptions", names)
+    return _made(Assumptions, {name: at.read(name, _parameter) for name in names})
+
+
+def _parameter(value: Json) -> float | bool:
+    if value == "inf":
+        return math.inf
+    return value if isinstance(value, bool | int) else _number(value)
+
+
+def _made(kind: Callable[..., T], values: dict[str, Any]) -> T:
+    try:
+        return kind(**values)
+    except (SettingsError, OverflowError) as error:
+        raise CertificateError(f"its settings cannot be used: {error}") from None
+
+
+def _names(kind: type) -> tuple[str, ...]:
+    return tuple(f.name for f in fields(kind))
+
+
+_PARAMETERS = tuple(name for name in _names(Settings) if name != "assumptions")

@@ -1,0 +1,122 @@
+"""The moves that the kernel reads agree with the automaton, letter by letter."""
+
+import itertools
+import random
+
+import pytest
+from logic.random_formulas import random_formula
+
+from sandra.actions import ActionPair
+from sandra.logic import Comparison, Dfa, parse, specification, translate
+from sandra.logic.automaton import Letter
+from sandra.reach.moves import Interval, Moves, _ranges, moves_of
+
+INPUTS: Interval = (-6.0, 6.0)
+
+
+def values(dfa: Dfa, inputs: Interval) -> list[float]:
+    """One acceleration inside each range that the automaton tells apart."""
+    return [(low + high) / 2 for low, high in _ranges(dfa, inputs)]
+
+
+def letters(dfa: Dfa, a: float) -> list[tuple[Letter, dict[int, bool]]]:
+    """Every possible letter with this acceleration: as the automaton and as the moves read it."""
+    bounds = {x.bound for x in dfa.atoms if isinstance(x, Comparison) and x.variable == "v"}
+    speeds = [b + e for b in bounds for e in (-1e-3, 0.0, 1e-3)] or [0.0]
+    free = [i for i, x in enumerate(dfa.atoms) if not isinstance(x, Comparison)]
+    found = []
+    for v in speeds:
+        for truths in itertools.product((False, True), repeat=len(free)):
+            letter = {}
+            for i, atom in enumerate(dfa.atoms):
+                if isinstance(atom, Comparison):
+                    letter[atom] = atom.holds(a if atom.variable == "a" else v)
+                else:
+                    letter[atom] = truths[free.index(i)]
+            found.append((letter, {i: letter[x] for i, x in enumerate(dfa.atoms)}))
+    return found
+
+
+def targets(moves: Moves, row: str, label: int, truths: dict[int, bool], a: float) -> list[int]:
+    return [
+        m.target
+        for m in getattr(moves, row)[label]
+        if m.inputs[0] <= a <= m.inputs[1] and all(truths[i] == t for i, t in m.literals)
+    ]
+
+
+@pytest.mark.parametrize("seed", range(150))
+def test_moves_run_as_the_automaton_does(seed: int) -> None:
+    rng = random.Random(seed)
+    dfa = translate(random_formula(rng, rng.randrange(2, 9)))
+    moves = moves_of(dfa, INPUTS, 6)
+    choices = [(a, *x) for a in values(dfa, INPUTS) for x in letters(dfa, a)]
+    for _ in range(20):
+        state, label = dfa.initial, moves.initial
+        for _ in range(rng.randrange(6)):
+            a, letter, truths = rng.choice(choices)
+            state = dfa.step(state, letter)
+            (label,) = targets(moves, "moves", label, truths, a)
+        a, letter, truths = rng.choice(choices)
+        accepted = dfa.step(state, letter) in dfa.accepting
+        assert targets(moves, "final", label, truths, a) == ([-1] if accepted else [])
+
+
+@pytest.mark.parametrize("seed", range(60))
+@pytest.mark.parametrize("inputs", [(-6.0, 6.0), (0.1, 3.0), (0.0, 0.0)])
+def test_live_classes_are_those_that_can_still_accept(seed: int, inputs: Interval) -> None:
+    rng = random.Random(1000 + seed)
+    dfa = translate(random_formula(rng, rng.randrange(2, 8)))
+    horizon = 4
+    moves = moves_of(dfa, inputs, horizon)
+    assert moves.live[0] == frozenset()
+    assert len(moves.live) == horizon + 2
+    choices = [(a, x[0], x[1]) for a in values(dfa, inputs) for x in letters(dfa, a)]
+    # the classes that go with each automaton state, found by walking both together
+    pairs = {(dfa.initial, moves.initial)}
+    while True:
+        more = {
+            (dfa.step(q, letter), c)
+            for q, label in pairs
+            for a, letter, truths in choices
+            for c in targets(moves, "moves", label, truths, a)
+        }
+        if more <= pairs:
+            break
+        pairs |= more
+    accepting = {q for q in range(dfa.n_states)} & dfa.accepting
+    live = accepting
+    for left in range(1, horizon + 2):
+        live = {
+            q
+            for q in range(dfa.n_states)
+            if any(dfa.step(q, letter) in live for _, letter, _ in choices)
+        }
+        for q, label in pairs:
+            assert (label in moves.live[left]) == (q in live)
+
+
+def test_a_lane_change_has_one_class_before_the_last_step() -> None:
+    spec = specification(ActionPair.parse("keep,right-lane"))
+    moves = moves_of(spec.dfa, INPUTS, 5)
+    assert moves.live[2] == {moves.initial}
+    (move,) = (m for m in moves.moves[moves.initial] if m.target in moves.live[2])
+    assert move.literals == ()
+    assert move.inputs == (-0.2, 0.2)
+
+
+def test_ranges_only_ever_intersect() -> None:
+    """ACCELERATE under R_G2 stays ACCELERATE."""
+    spec = specification(ActionPair.parse("accelerate,follow-lane"), ("R_G2",))
+    moves = moves_of(spec.dfa, INPUTS, 5)
+    alive = [m for row in moves.moves for m in row if m.target in moves.live[5]]
+    assert alive
+    assert all(m.inputs == (0.2, 6.0) for m in alive)
+
+
+def test_no_admissible_input_no_move() -> None:
+    spec = specification(ActionPair.parse("decelerate,follow-lane"), ("G(a >= 0)",))
+    moves = moves_of(spec.dfa, INPUTS, 5)
+    assert moves.initial not in moves.live[6]
+    narrow = moves_of(translate(parse("G(a > 1)")), (-6.0, 0.5), 3)
+    assert narrow.initial not in narrow.live[4]
