@@ -32,10 +32,12 @@ def steady(kappa: float) -> tuple[float, float]:
     return beta, math.atan(2 * math.tan(beta))
 
 
-def turning_scene(kappa: float = 0.0, others: bool = True, **options: Any) -> Scene:
+def turning_scene(
+    kappa: float = 0.0, others: bool = True, leader: float = 40.0, **options: Any
+) -> Scene:
     """The ego at 10 m/s on a lane of curvature kappa, one lane to its left, two cars."""
     course = Course(kappa, step=0.5 if kappa else 5.0)
-    cars = [course.car(7, 40.0, 0.0, 10.0), course.car(8, 20.0, 3.5, 10.0)] if others else []
+    cars = [course.car(7, leader, 0.0, 10.0), course.car(8, 20.0, 3.5, 10.0)] if others else []
     lanes = course.lanes(left=1, right=0)
     beta, delta = steady(kappa)
     scene = course.scene(lanes, cars, speed=10.0, angle=-beta, **options)

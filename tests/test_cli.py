@@ -246,18 +246,14 @@ def test_200_megabytes_of_noise_are_refused_at_once(tmp_path: Path) -> None:
         (["fly"], "decide"),
     ],
 )
-def test_bad_words(
-    words: list[str], hint: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_bad_words(words: list[str], hint: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert hint in refused(capsys, *words)
 
 
 @pytest.mark.parametrize(
     "text", ["a_lim = [", "a_lim = 'big'", "unknown = 1", "a_lon_min = 7.0", "horizon = 0"]
 )
-def test_bad_settings_files(
-    text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_bad_settings_files(text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     refused(capsys, "decide", SCENARIO, "--settings", write(tmp_path, text, "settings.toml"))
 
 

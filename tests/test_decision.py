@@ -72,8 +72,7 @@ def test_the_trajectory_stays_in_the_corridor(scene: sandra.Scene) -> None:
     for k, (s, d) in enumerate(path):
         rectangles = [b.rectangle for b in corridor.steps[k]]
         assert any(
-            r[0] - 1e-3 <= s <= r[1] + 1e-3 and r[2] - 1e-3 <= d <= r[3] + 1e-3
-            for r in rectangles
+            r[0] - 1e-3 <= s <= r[1] + 1e-3 and r[2] - 1e-3 <= d <= r[3] + 1e-3 for r in rectangles
         )
     assert (states[:-1, 4] < -0.2 + 1e-6).all()
 

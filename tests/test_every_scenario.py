@@ -1,4 +1,4 @@
-"""Every scenario at hand, with both predictions, with and without rules: decide and verify finish."""
+"""Every scenario at hand, both predictions, with and without rules: decide and verify finish."""
 
 from pathlib import Path
 
@@ -40,8 +40,10 @@ def test_decide_and_verify_all_finish(
         else:
             corridor = found.corridor()
             assert corridor.first_empty_step is None
-            assert all(0 < len(c) <= len(s) for c, s in zip(corridor.steps, found.steps, strict=True))
-    holds = [p for p in decision.ranking.pairs if decision.verdicts[p].status is Status.REACHABLE]
+            sizes = zip(corridor.steps, found.steps, strict=True)
+            assert all(0 < len(kept) <= len(sets) for kept, sets in sizes)
+    ranked = decision.ranking.pairs
+    holds = [pair for pair in ranked if decision.verdicts[pair].status is Status.REACHABLE]
     assert decision.maneuver.pair == (holds[0] if holds else None)
     assert np.isfinite(decision.maneuver.states).all()
     start = decision.maneuver.states[0]

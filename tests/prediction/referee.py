@@ -59,10 +59,12 @@ class Road:
             )
             for lanelet in lanelets
         }
+        self.shapes = np.array(list(self.polygons.values()))
+        shapely.prepare(self.shapes)
 
     def around(self, x: float, y: float) -> set[int]:
-        point = shapely.Point(x, y)
-        return {i for i, polygon in self.polygons.items() if polygon.covers(point)}
+        holds = shapely.intersects_xy(self.shapes, x, y)
+        return {i for i, yes in zip(self.polygons, holds, strict=True) if yes}
 
     def direction(self, lanelet: int, x: float, y: float) -> float:
         line = self.lanelets[lanelet].center
@@ -93,9 +95,12 @@ class Road:
 
 
 def first_breach(
-    states: np.ndarray, outline: Region, dt: float, road: Road, a: Assumptions
+    states: np.ndarray, outline: Region, dt: float, road: Road, a: Assumptions, noise: float = 0.0
 ) -> tuple[int, str | None]:
-    """The first step at which a recording (n, 5) breaks an assumption, and which; (n, None)."""
+    """The first step at which a recording (n, 5) breaks an assumption, and which; (n, None).
+
+    Positions may disagree with the recorded velocities by `noise` [m] per step.
+    """
     now = {
         i
         for i in road.around(*states[0, :2])
@@ -105,11 +110,15 @@ def first_breach(
         return 0, "stay_on_carriageway"
     area = road.carriageway(now)
 
-    def overhang(row: np.ndarray) -> float:
-        corners = outline.placed(*row[:3]).vertices
-        return max(area.distance(shapely.Point(corner)) for corner in corners)
-
-    allowed = max(a.max_overhang, overhang(states[0]))
+    shapely.prepare(area)
+    corners = shapely.points(
+        np.stack([outline.placed(*row[:3].tolist()).vertices for row in states])
+    )
+    away = np.zeros(corners.shape)
+    out = ~shapely.covers(area, corners)
+    away[out] = shapely.distance(area, corners[out])
+    overhang = away.max(axis=1)
+    allowed = max(a.max_overhang, float(overhang[0]))
     way = 0.0
     for k, row in enumerate(states):
         if k:
@@ -118,7 +127,8 @@ def first_breach(
             mean = (v1 - v0) / dt
             error = row[:2] - before[:2] - dt * (v0 + v1) / 2
             # mean +- 4 error / dt^2 in both halves of the step is a motion between both states.
-            if np.hypot(*mean) + np.hypot(*(4 * error / dt**2)) > a.max_acceleration:
+            swing = 4 * max(float(np.hypot(*error)) - noise, 0.0) / dt**2
+            if np.hypot(*mean) + swing > a.max_acceleration:
                 return k, "max_acceleration"
             way += abs(before[3] + row[3]) / 2 * dt
             if abs(_wrap(row[2] - states[0, 2])) > way / a.min_turning_radius:
@@ -138,7 +148,7 @@ def first_breach(
                 return k, "no_reversing"
         if max(abs(row[3] * np.sin(r)) for r in relative) > a.max_lateral_speed:
             return k, "max_lateral_speed"
-        if overhang(row) > allowed:
+        if overhang[k] > allowed:
             return k, "max_overhang"
     return len(states), None
 

@@ -45,7 +45,7 @@ def outside(
     start: State,
     a: Assumptions,
     steps: int = 25,
-    count: int = 300,
+    count: int = 200,
 ) -> tuple[int, int]:
     """How many bodies of made-up drives lie outside their sets, and how many were looked at."""
     sets = sets_of(lanelets, car(1, start.x, start.y, start.heading, start.speed), a, steps)
@@ -74,7 +74,7 @@ def outside(
 @pytest.mark.parametrize("name", DRIVES)
 def test_every_drive_within_the_assumptions_is_covered(name: str) -> None:
     missing, looked = outside(*DRIVES[name], OPEN)
-    assert looked > 5000
+    assert looked > 3000
     assert missing == 0
 
 
@@ -94,7 +94,7 @@ def test_the_coverage_test_can_fail() -> None:
     assert outside(straight_only, course, start, OPEN)[0] > 0
 
 
-@pytest.mark.slow
+@pytest.mark.soundness
 @pytest.mark.parametrize("name", DRIVES)
 def test_many_drives_are_covered(name: str) -> None:
     assert outside(*DRIVES[name], OPEN, count=6000)[0] == 0
@@ -102,8 +102,8 @@ def test_many_drives_are_covered(name: str) -> None:
 
 RECORDED = {
     # file: (start steps, least number of covered vehicle steps)
-    "DEU_Goeppingen-37_1_T-4": ((0, 60), 700),
-    "DEU_MONAEast-2_4316_T-4341": ((0,), 40),
+    "DEU_Goeppingen-37_1_T-4": ((30,), 300),
+    "DEU_MONAEast-2_4316_T-4341": ((0,), 900),
     "DEU_LocationALower-11_10_T-1": ((0, 10), 250),
     "DEU_AachenBendplatz-1_80_T-19": ((0, 8), 50),
     "DEU_Gar-1_1_T-1": ((0, 5), 40),
@@ -134,7 +134,7 @@ def recorded_coverage(
         sets = predict(now, "set-based", steps, Settings(assumptions=OPEN))
         for each, future in zip(sets.obstacles, futures, strict=True):
             outline = each.obstacle.outline
-            kept, _ = first_breach(future, outline, whole.dt, road, OPEN)
+            kept, _ = first_breach(future, outline, whole.dt, road, OPEN, noise=0.02)
             looked += kept
             missing += [
                 f"{path.stem}: {each.obstacle.id} from {start}: {where}"
@@ -151,6 +151,13 @@ def test_recorded_vehicles_that_keep_the_assumptions_are_covered(shared: Path, n
     assert looked >= least
 
 
+@pytest.mark.soundness
+@pytest.mark.parametrize("name", RECORDED)
+def test_recordings_from_many_starts_are_covered(shared: Path, name: str) -> None:
+    path = shared / "data/scenarios" / f"{name}.xml"
+    assert recorded_coverage(path, tuple(range(0, 90, 6)))[1] == []
+
+
 def area(regions: tuple[Region, ...]) -> float:
     shapes = [shapely.MultiPoint(r.vertices).convex_hull.buffer(r.radius) for r in regions]
     return float(shapely.union_all(shapes).area)
@@ -165,10 +172,10 @@ def test_area_on_the_case_study_only_shrinks(shared: Path) -> None:
     for k, most in AREAS.items():
         mean = float(np.mean([area(each.at[k]) for each in sets.obstacles]))
         assert mean <= most, f"step {k}: {mean:.1f} m^2"
-        assert mean >= 0.8 * most, f"step {k}: {mean:.1f} m^2, lower the bound"
+        assert mean >= 0.9 * most, f"step {k}: {mean:.1f} m^2, lower the bound"
 
 
-AREAS = {1: 12.0, 5: 40.0, 10: 120.0, 25: 600.0}
+AREAS = {1: 9.7, 5: 36.2, 10: 100.6, 25: 564.0}
 
 
 def spread(regions: tuple[Region, ...]) -> tuple[float, float, float, float]:

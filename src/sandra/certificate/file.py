@@ -414,13 +414,16 @@ def _assumptions(value: Json) -> Assumptions:
 def _parameter(value: Json) -> float | bool:
     if value == "inf":
         return math.inf
-    return value if isinstance(value, bool | int) else _number(value)
+    if isinstance(value, bool):
+        return value
+    # Whole numbers stay whole: some parameters count something.
+    return value if isinstance(value, int) and _number(value) == value else _number(value)
 
 
 def _made(kind: Callable[..., T], values: dict[str, Any]) -> T:
     try:
         return kind(**values)
-    except (SettingsError, OverflowError) as error:
+    except SettingsError as error:
         raise CertificateError(f"its settings cannot be used: {error}") from None
 
 

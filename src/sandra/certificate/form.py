@@ -99,7 +99,12 @@ def _settings(settings: Settings) -> Iterator[str]:
         return
     if not isinstance(settings.cut_in_exception, bool):
         yield f"cut_in_exception = {settings.cut_in_exception!r} is neither true nor false"
-    # Settings check their numbers themselves; a steering angle of pi/2 has no tangent.
+    for name in (f.name for f in fields(Settings)):
+        value = getattr(settings, name)
+        unlimited = name in ("v_fov", "v_braking", "v_type") and value == math.inf
+        if isinstance(value, int | float) and not unlimited and not abs(value) <= LARGEST:
+            yield f"{name} = {value!r} is larger than {LARGEST:g}"
+    # A steering angle of pi/2 has no tangent.
     if not settings.steering_angle_max < math.pi / 2:
         yield f"steering_angle_max = {settings.steering_angle_max} rad is pi/2 or more"
     for entry in fields(Assumptions):

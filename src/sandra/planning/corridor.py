@@ -145,5 +145,7 @@ def _states(scene: Scene, lon: Array, lat: Array) -> Array:
     moving = np.hypot(along, lat[:, 1]) > 0.1
     relative = np.where(moving, np.arctan2(lat[:, 1], along), 0.0)
     heading = scene.frame.heading(s) + relative
-    heading[0] = scene.ego.state.heading
-    return np.column_stack([points, heading, np.hypot(along, lat[:, 1]), lon[:, 2]])
+    states = np.column_stack([points, heading, np.hypot(along, lat[:, 1]), lon[:, 2]])
+    start = scene.ego.state
+    states[0, :4] = start.x, start.y, start.heading, start.speed
+    return states

@@ -19,21 +19,20 @@ Method 6 (fail-safe); after Magdici & Althoff, "Fail-safe motion planning of aut
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sandra.errors import SettingsError
 from sandra.planning import strategies
-from sandra.planning.conflict import conflict_areas
 from sandra.planning.lane_paths import Paths, drive, guide, paths
 from sandra.planning.limits import Limits, within_limits
 from sandra.planning.single_track import SPEED, lateral_acceleration
 from sandra.planning.strategies import Aim
+from sandra.planning.surroundings import Surroundings
 from sandra.planning.tracking import fine_step
 from sandra.planning.types import Trajectory
-from sandra.planning.validity import CLEARANCE, Occupied, Road, corners, separation
 from sandra.prediction.types import Prediction
 from sandra.scene.types import Scene
 from sandra.settings import Settings
@@ -92,41 +91,6 @@ class Miss:
         return "no fail-safe trajectory found: " + "; ".join(self.reasons)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Surroundings:
-    """What all searches of one decision share: occupancies, road, conflict areas.
-
-    `step` (R,), `low` and `high` (R, 2): interval and bounding box of each region [m].
-    """
-
-    occupied: Occupied
-    step: Ints
-    low: Array
-    high: Array
-    road: Road
-    conflicts: tuple[Array, ...]
-    area: Any
-    """The union of the conflict areas (shapely), None where there are none."""
-
-
-def surroundings(scene: Scene, set_based: Prediction) -> Surroundings:
-    """Prepare the searches of one decision, for `fail_safe`."""
-    import shapely
-
-    areas = tuple(conflict_areas(scene))
-    area = shapely.union_all([shapely.Polygon(x) for x in areas]) if areas else None
-    occupied = Occupied.of(set_based)
-    return Surroundings(
-        occupied,
-        np.repeat(np.arange(occupied.horizon), np.diff(occupied.first)),
-        occupied.vertices.min(axis=1) - occupied.radius[:, None],
-        occupied.vertices.max(axis=1) + occupied.radius[:, None],
-        Road.of(scene),
-        areas,
-        area,
-    )
-
-
 def fail_safe_horizon(
     scene: Scene,
     settings: Settings,
@@ -164,7 +128,7 @@ def fail_safe(
         t_dec: a multiple of `scene.dt` [s].
         set_based: the set-based prediction, made at time 0. Maneuvers that last longer than it
             are not tried (`fail_safe_horizon`).
-        shared: `surroundings(scene, set_based)`, where more than one search is made.
+        shared: `Surroundings.of(scene, set_based)`, where more than one search is made.
 
     Raises:
         SettingsError: if the prediction is not set-based or has another time step than the scene,
@@ -175,7 +139,7 @@ def fail_safe(
     state = np.asarray(state, dtype=float)
     if state.shape != (5,) or not np.isfinite(state).all() or state[SPEED] < -STANDING:
         raise ValueError(f"the state {state} must be five finite numbers with speed >= 0")
-    shared = surroundings(scene, set_based) if shared is None else shared
+    shared = Surroundings.of(scene, set_based) if shared is None else shared
     search = _Search(scene, state, t_dec, first, set_based, settings, shared)
     return search.run()
 
@@ -227,7 +191,7 @@ class _Search:
         shared: Surroundings,
     ) -> None:
         self.scene, self.state, self.t_dec = scene, state, t_dec
-        self.prediction, self.settings, self.shared = prediction, settings, shared
+        self.settings, self.shared = settings, shared
         self.tau, per_step = fine_step(scene.dt)
         self.speed = max(float(state[SPEED]), 0.0)
         self.most = (prediction.horizon - first) * per_step
@@ -272,7 +236,7 @@ class _Search:
 
     def _standing(self) -> FailSafe | None:
         """Standstill already: no motion at all, if it is outside the conflict areas."""
-        away = float(self._from_conflicts(self.state[None])[0])
+        away = float(self.shared.from_conflicts(self.state[None])[0])
         if away <= CONFLICT_MARGIN:
             self._failed(strategies.BRAKE, _Failure((0.0,), _in_conflict(self.state)))
             return None
@@ -323,7 +287,7 @@ class _Search:
         for name in sorted({candidates.strategy[i] for i in np.flatnonzero(~kept)}):
             self._failed(name, _Failure((0.0,), "no path within the limits of steering and grip"))
         last = candidates.states[:, -1]
-        away = self._from_conflicts(last)
+        away = self.shared.from_conflicts(last)
         for i in np.flatnonzero(kept & (away <= CONFLICT_MARGIN)).tolist():
             self._failed(
                 candidates.strategy[i],
@@ -335,40 +299,56 @@ class _Search:
         rows = np.flatnonzero(kept)
         rows = rows[np.argsort(np.round(peak[rows], 1), kind="stable")]
         # Most that fail do so where they come to stand: a quick look there first.
-        ends = self._end_gaps(candidates, rows)
-        alive = rows[ends > CLEARANCE]
+        ends_free = np.zeros(len(kept), dtype=bool)
+        ends_free[rows] = self.shared.ends_free(*self._driven_by(candidates, rows))
+        alive = rows[ends_free[rows]]
         for start in range(0, len(alive), BATCH):
             part = alive[start : start + BATCH]
-            gaps = self._gaps(candidates, part, 2 * CLEARANCE)
-            for i, gap in zip(part.tolist(), gaps, strict=True):
-                if gap.min() <= CLEARANCE:
-                    self._collides(candidates, i, gap)
+            contacts = self.shared.first_contact(*self._driven_by(candidates, part))
+            for i, contact in zip(part.tolist(), contacts.tolist(), strict=True):
+                if contact >= 0:
+                    self._collides(candidates, i, contact)
                     continue
                 n = int(candidates.count[i])
                 states, inputs = candidates.states[i, : n + 1], candidates.inputs[i, :n]
                 if not self.shared.road.holds(states[None], inputs[None], self.tau, ego)[0]:
                     text = self._how(candidates, i) + "leaves the road"
-                    self._failed(candidates.strategy[i], _Failure((3.0, LONGEST), text))
+                    self._failed(candidates.strategy[i], _Failure((3.0, 0.0), text))
                     continue
-                gap = self._gaps(candidates, np.array([i]), GAP)[0]
+                gaps = self.shared.gaps(states[None], inputs[None], self.tau, self.t_dec, GAP)
                 return FailSafe(
                     Trajectory(states, inputs, self.tau, self.t_dec),
                     candidates.strategy[i],
                     float(max(0.0, -inputs[:, 0].min())),
                     Margins(
-                        float(gap.min()),
+                        float(gaps.min()),
                         float(away[i]),
                         float(self.settings.a_lat_max - lateral[i].max()),
                     ),
                 )
-        best: dict[str, tuple[float, int]] = {}
-        for i, gap_there in zip(rows.tolist(), ends.tolist(), strict=True):
-            if gap_there <= CLEARANCE:
-                name = candidates.strategy[i]
-                best[name] = max(best.get(name, (-np.inf, -1)), (gap_there, i))
-        for _, i in best.values():
-            self._collides(candidates, i, self._gaps(candidates, np.array([i]), 2 * CLEARANCE)[0])
+        self._blame(candidates, rows[~ends_free[rows]])
         return None
+
+    def _driven_by(
+        self, candidates: _Candidates, rows: Ints
+    ) -> tuple[Array, Array, Ints, float, float]:
+        counts = candidates.count[rows]
+        n = int(counts.max(initial=1))
+        states, inputs = candidates.states[rows, : n + 1], candidates.inputs[rows, :n]
+        return states, inputs, counts, self.tau, self.t_dec
+
+    def _blame(self, candidates: _Candidates, rows: Ints) -> None:
+        """Say for each strategy when its hardest braking among `rows` collides."""
+        hardest: dict[str, int] = {}
+        for i in rows.tolist():
+            name = candidates.strategy[i]
+            if candidates.count[i] <= candidates.count[hardest.get(name, i)]:
+                hardest[name] = i
+        picked = np.array(list(hardest.values()), dtype=np.int_)
+        if len(picked):
+            contacts = self.shared.first_contact(*self._driven_by(candidates, picked))
+            for i, contact in zip(picked.tolist(), contacts.tolist(), strict=True):
+                self._collides(candidates, i, contact)
 
     def _candidates(self, aims: Sequence[Aim], profiles: Sequence[Array]) -> _Candidates | None:
         most = max(len(p) for p in profiles)
@@ -410,93 +390,18 @@ class _Search:
             np.tile(count, len(all_states) // len(count)),
         )
 
-    def _gaps(self, candidates: _Candidates, rows: Ints, within: float) -> list[Array]:
-        """For each candidate its clearances, at most `within`, until it stands."""
-        counts = candidates.count[rows]
-        n = int(counts.max())
-        states, inputs = candidates.states[rows, : n + 1], candidates.inputs[rows, :n]
-        ego = self.scene.ego
-        near = self._nearby(states, self.t_dec, within)
-        gaps = near.gaps(states, inputs, self.tau, ego, self.t_dec, within)
-        return [gap[:count] for gap, count in zip(gaps, counts.tolist(), strict=True)]
-
-    def _end_gaps(self, candidates: _Candidates, rows: Ints) -> Array:
-        """(len(rows),) clearances in the last step before standstill, at most 2 CLEARANCE."""
-        found = np.empty(len(rows))
-        counts = candidates.count[rows]
-        for n in np.unique(counts).tolist():
-            group = np.flatnonzero(counts == n)
-            states = candidates.states[rows[group], n - 1 : n + 1]
-            inputs = candidates.inputs[rows[group], n - 1 : n]
-            start = self.t_dec + (n - 1) * self.tau
-            near = self._nearby(states, start, 2 * CLEARANCE)
-            found[group] = near.gaps(
-                states, inputs, self.tau, self.scene.ego, start, 2 * CLEARANCE
-            )[:, 0]
-        return found
-
-    def _nearby(self, states: Array, start: float, within: float) -> Occupied:
-        """The occupancies that some of the bodies (C, n + 1, 5) may come near to in their step."""
-        occupied, ego = self.shared.occupied, self.scene.ego
-        reach = np.hypot(ego.length, ego.width) / 2 + within + 0.5
-        low = states[..., :2].min(axis=0) - reach
-        high = states[..., :2].max(axis=0) + reach
-        n = states.shape[1] - 1
-        steps = np.floor((start + self.tau * np.arange(n)) / occupied.dt + 1e-6).astype(int)
-        lowest = np.full((occupied.horizon, 2), np.inf)
-        highest = np.full((occupied.horizon, 2), -np.inf)
-        for rows in (slice(0, n), slice(1, n + 1)):
-            np.minimum.at(lowest, steps, low[rows])
-            np.maximum.at(highest, steps, high[rows])
-        step = self.shared.step
-        near = (self.shared.low <= highest[step]).all(axis=1)
-        near &= (self.shared.high >= lowest[step]).all(axis=1)
-        total = np.concatenate([[0], np.cumsum(near)])
-        return replace(
-            occupied,
-            vertices=occupied.vertices[near],
-            radius=occupied.radius[near],
-            middle=occupied.middle[near],
-            reach=occupied.reach[near],
-            first=total[occupied.first],
-        )
-
-    def _from_conflicts(self, states: Array) -> Array:
-        """(C,) distances of standing bodies (C, 5) from the conflict areas [m]."""
-        if self.shared.area is None:
-            return np.full(len(states), np.inf)
-        import shapely
-
-        bodies = shapely.polygons(corners(states, self.scene.ego))
-        return np.asarray(shapely.distance(bodies, self.shared.area))
-
     def _how(self, candidates: _Candidates, i: int) -> str:
         strongest = max(0.0, -float(candidates.inputs[i, :, 0].min()))
         return f"braking with {strongest:.1f} m/s^2 it "
 
-    def _collides(self, candidates: _Candidates, i: int, gap: Array) -> None:
-        step = int(np.argmax(gap <= CLEARANCE))
-        after = step * self.tau
-        rank = (2.0, after)
+    def _collides(self, candidates: _Candidates, i: int, step: int) -> None:
+        time = self.t_dec + step * self.tau
+        rank = (2.0, time)
         known = self.failures.get(candidates.strategy[i])
-        if known is not None and known.rank >= rank:
-            return
-        k = int((self.t_dec + after) / self.scene.dt + 1e-6)
-        who = self._nearest(candidates.states[i, step : step + 2], k)
-        text = (
-            f"{self._how(candidates, i)}may meet obstacle {who} {self.t_dec + after:.2f} s from now"
-        )
-        self._failed(candidates.strategy[i], _Failure(rank, text))
-
-    def _nearest(self, states: Array, k: int) -> int:
-        """Id of the obstacle whose occupancy is nearest to the body (2, 5) in interval k."""
-        occupied = self.shared.occupied
-        part = slice(int(occupied.first[k]), int(occupied.first[k + 1]))
-        regions = occupied.vertices[part]
-        hull = np.broadcast_to(corners(states, self.scene.ego).reshape(8, 2), (len(regions), 8, 2))
-        nearest = int(np.argmin(separation(hull, regions) - occupied.radius[part]))
-        ids = [x.obstacle.id for x in self.prediction.obstacles for _ in x.between[k]]
-        return ids[nearest]
+        if known is None or known.rank < rank:
+            who = self.shared.nearest(candidates.states[i, step : step + 2], time)
+            text = f"{self._how(candidates, i)}may meet obstacle {who} {time:.2f} s from now"
+            self._failed(candidates.strategy[i], _Failure(rank, text))
 
     def _failed(self, strategy: str, failure: _Failure) -> None:
         known = self.failures.get(strategy)

@@ -39,6 +39,10 @@ class Plans:
     def __len__(self) -> int:
         return len(self.first)
 
+    def rows(self, rows: NDArray[np.int_]) -> Plans:
+        """Some of them, perhaps repeated."""
+        return Plans(*(getattr(self, name)[rows] for name in self.__slots__))
+
     @property
     def duration(self) -> Array:
         """(Q,) until the path is parallel to the lane for good [s]."""
@@ -115,6 +119,10 @@ class Motion:
     speed: Array
     along: Array
 
+    def rows(self, rows: NDArray[np.int_]) -> Motion:
+        """Some of the samples."""
+        return Motion(*(getattr(self, name)[rows] for name in self.__slots__))
+
 
 @dataclass(frozen=True, slots=True)
 class Start:
@@ -139,9 +147,7 @@ class Start:
         return Start(s, d, float(np.sin(course)), float(np.cos(course) * turn), state.speed)
 
 
-def motions(
-    scene: Scene, start: Start, speed: Array, tau: float, plans: Plans, dt: float
-) -> Motion:
+def motions(scene: Scene, start: Start, speed: Array, tau: float, plans: Plans) -> Motion:
     """Samples of speeds (N, m+1) every `tau` along N plans."""
     moved = np.cumsum((speed[:, 1:] + speed[:, :-1]) / 2 * tau, axis=1)
     driven = np.concatenate([np.zeros((len(speed), 1)), moved], axis=1)

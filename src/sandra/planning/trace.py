@@ -8,7 +8,7 @@ side. For a formula without negations one of them is the strictest; for any othe
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any
@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from sandra.errors import FormulaError
 from sandra.logic import Atom, Comparison, Predicate, Specification
 from sandra.logic.evaluate import evaluate
+from sandra.logic.formula import atoms_of
 from sandra.planning.limits import MARGIN
 from sandra.planning.single_track import SPEED
 from sandra.planning.validity import corners
@@ -107,7 +108,7 @@ def satisfies(ground: Ground, lanes: Lanes, spec: Specification, steps: Steps) -
     """
     seen = []
     for sign, speed, which in product((1.0, -1.0), (steps.speed, steps.along), (0, 1)):
-        trace = _letters(ground, lanes, spec.dfa.atoms, steps, sign, speed, which)
+        trace = _letters(ground, lanes, atoms_of(spec.formula), steps, sign, speed, which)
         if trace not in seen:  # most readings agree
             seen.append(trace)
             if not evaluate(spec.formula, trace):
@@ -118,7 +119,7 @@ def satisfies(ground: Ground, lanes: Lanes, spec: Specification, steps: Steps) -
 def _letters(
     ground: Ground,
     lanes: Lanes,
-    atoms: tuple[Atom, ...],
+    atoms: Iterable[Atom],
     steps: Steps,
     sign: float,
     speed: Array,

@@ -24,6 +24,8 @@ CLEARANCE = 0.02
 """Distance that planned bodies keep from others, beyond what is needed [m]."""
 ROAD_MARGIN = 0.01
 """Distance that planned bodies keep from the border of the road, beyond what is needed [m]."""
+ROUGH = 0.1
+"""Samples may leave the road by this much [m]: what is driven then may yet stay on it."""
 SLIT = 0.05
 """Gaps of up to twice this between neighbouring lanelets are no border of the road [m]."""
 
@@ -70,15 +72,22 @@ class Occupied:
     reach: Array
     """Radius of a circle about `middle` that holds the region [m]."""
     first: NDArray[np.int_]
+    owner: NDArray[np.int_]
+    """Index of the predicted obstacle that each region belongs to."""
 
     @staticmethod
     def of(prediction: Prediction) -> Occupied:
         """Prepare a prediction."""
-        regions = [
-            [region for obstacle in prediction.obstacles for region in obstacle.between[k]]
+        owned = [
+            [
+                (region, index)
+                for index, obstacle in enumerate(prediction.obstacles)
+                for region in obstacle.between[k]
+            ]
             for k in range(prediction.horizon)
         ]
-        everything = [region for step in regions for region in step]
+        everything = [region for step in owned for region, _ in step]
+        owner = np.array([index for step in owned for _, index in step], dtype=int)
         most = max((len(region.vertices) for region in everything), default=1)
         vertices = np.empty((len(everything), most, 2))
         for row, region in zip(vertices, everything, strict=True):
@@ -87,8 +96,8 @@ class Occupied:
         radius = np.array([region.radius for region in everything], dtype=float)
         middle = (vertices.min(axis=1) + vertices.max(axis=1)) / 2
         reach = np.linalg.norm(vertices - middle[:, None], axis=2).max(axis=1) + radius
-        first = np.cumsum([0, *(len(step) for step in regions)])
-        return Occupied(prediction.dt, vertices, radius, middle, reach, first)
+        first = np.cumsum([0, *(len(step) for step in owned)])
+        return Occupied(prediction.dt, vertices, radius, middle, reach, first, owner)
 
     @property
     def horizon(self) -> int:
@@ -130,7 +139,29 @@ class Occupied:
 
         0 or less where bodies may overlap. Raises as `free`.
         """
-        count, n = inputs.shape[:2]
+        found = np.full(inputs.shape[:2], within)
+        row, step, _, distance = self._pairs(states, inputs, tau, ego, start, within)
+        np.minimum.at(found, (row, step), distance)
+        return found
+
+    def nearest(
+        self, states: Array, inputs: Array, tau: float, ego: Ego, start: float = 0.0
+    ) -> tuple[int, float] | None:
+        """The index of the obstacle that trajectories come nearest to, and when [s].
+
+        None if they come near to none. Raises as `free`.
+        """
+        _, step, region, distance = self._pairs(states, inputs, tau, ego, start, 5.0)
+        if distance.size == 0:
+            return None
+        worst = int(np.argmin(distance))
+        return int(self.owner[region[worst]]), start + tau * float(step[worst])
+
+    def _pairs(
+        self, states: Array, inputs: Array, tau: float, ego: Ego, start: float, within: float
+    ) -> tuple[NDArray[np.int_], NDArray[np.int_], NDArray[np.int_], Array]:
+        """(M,) trajectory, fine step, region and distance of whatever may come near."""
+        n = inputs.shape[1]
         # The small shift puts a grid point that coincides with t_k into the interval after it.
         interval = np.floor((start + tau * np.arange(n)) / self.dt + 1e-6).astype(int)
         if n and (interval[0] < 0 or interval[-1] >= self.horizon):
@@ -139,9 +170,8 @@ class Occupied:
         centre = (states[:, :-1, :2] + states[:, 1:, :2]) / 2
         travel = np.linalg.norm(np.diff(states[..., :2], axis=1), axis=2) / 2
         around = travel + np.hypot(ego.length, ego.width) / 2 + slack + within
-        found = np.full((count, n), within)
-        near: list[tuple[NDArray[np.int_], ...]] = []
-        for k in range(int(interval[0]), int(interval[-1]) + 1) if n else ():
+        near = [(np.zeros(0, dtype=int),) * 3]
+        for k in np.unique(interval).tolist():
             steps = np.flatnonzero(interval == k)
             part = slice(int(self.first[k]), int(self.first[k + 1]))
             offset = centre[:, steps, None, :] - self.middle[part]
@@ -149,16 +179,11 @@ class Occupied:
             close = distance2 < (around[:, steps, None] + self.reach[part]) ** 2
             row, step, region = np.nonzero(close)
             near.append((row, steps[step], region + part.start))
-        if not near:
-            return found
         row, step, region = (np.concatenate(x) for x in zip(*near, strict=True))
-        if row.size == 0:
-            return found
         body = corners(states, ego)
         hull = np.concatenate([body[row, step], body[row, step + 1]], axis=1)
         distance = separation(hull, self.vertices[region]) - self.radius[region]
-        np.minimum.at(found, (row, step), distance - slack[row, step])
-        return found
+        return row, step, region, distance - slack[row, step]
 
 
 def separation(hulls: Array, polygons: Array) -> Array:
@@ -219,6 +244,8 @@ class Road:
     """shapely geometry, eroded by `ROAD_MARGIN` and the largest deviation that is allowed."""
     allowed: float
     """Bodies may deviate by this much between grid points [m]."""
+    rough: Any
+    """The same, grown by `ROUGH` instead."""
 
     @staticmethod
     def of(scene: Scene, reach: float = 200.0, allowed: float = 0.01) -> Road:
@@ -235,23 +262,26 @@ class Road:
         union = shapely.union_all(near)
         closed = union.buffer(SLIT, join_style="mitre").buffer(-SLIT, join_style="mitre")
         area = closed.buffer(-(ROAD_MARGIN + allowed), join_style="mitre")
+        rough = closed.buffer(ROUGH, join_style="mitre")
         shapely.prepare(area)
-        return Road(area, allowed)
+        shapely.prepare(rough)
+        return Road(area, allowed, rough)
 
-    def holds_corners(self, states: Array, ego: Ego) -> Bools:
-        """(N,) whether all corners of the bodies (N, n+1) are on the road: a quick first check."""
+    def may_hold(self, states: Array, ego: Ego) -> Bools:
+        """(N,) whether bodies (N, n+1) are on the road or nearly so, by their corners alone."""
+        return self._corners(self.rough, states, ego)
+
+    def _corners(self, area: Any, states: Array, ego: Ego) -> Bools:
         import shapely
 
         body = corners(states, ego)
-        return np.asarray(
-            shapely.contains_xy(self.area, body[..., 0], body[..., 1]).all(axis=(1, 2))
-        )
+        return np.asarray(shapely.contains_xy(area, body[..., 0], body[..., 1]).all(axis=(1, 2)))
 
     def holds(self, states: Array, inputs: Array, tau: float, ego: Ego) -> Bools:
         """(N,) whether the bodies of trajectories (N, n+1, 5) are on the road at every instant."""
         import shapely
 
-        inside = self.holds_corners(states, ego)
+        inside = self._corners(self.area, states, ego)
         inside &= (deviation(states, inputs, tau, ego) <= self.allowed).all(axis=1)
         for row in np.flatnonzero(inside):
             body = corners(states[row], ego)

@@ -1,6 +1,6 @@
 """Where the others may be: recorded, most likely, or every behaviour that assumptions allow.
 
-`predict` is the way in (paper Sec. III-E, `docs`: method 5).
+`predict` is the way in (paper Sec. III-E).
 """
 
 from __future__ import annotations

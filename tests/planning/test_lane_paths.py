@@ -1,0 +1,123 @@
+"""Paths of the rear axle: what is driven is the model, from the state on, to the offset."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from reach_scenes import Course
+
+from sandra.planning.lane_paths import Paths, drive, guide, paths
+from sandra.planning.single_track import HEADING, STEERING, step
+
+WHEELBASE = 2.6
+TAU = 0.05
+
+
+def state_on(
+    course: Course, d: float, relative: float, speed: float, steering: float
+) -> np.ndarray:
+    x, y = course.at(0.0, d)
+    return np.array([x, y, course.heading(0.0) + relative, speed, steering])
+
+
+def braking(speed: float, level: float, n: int) -> np.ndarray:
+    return np.maximum(speed - level * TAU * np.arange(n + 1), 0.0)
+
+
+def rear_offsets(course: Course, states: np.ndarray) -> np.ndarray:
+    """d of the rear axle, by the arc's own geometry."""
+    heading = states[..., HEADING]
+    rear = states[..., :2] - WHEELBASE / 2 * np.stack([np.cos(heading), np.sin(heading)], axis=-1)
+    if course.kappa == 0.0:
+        return np.asarray(rear[..., 1])
+    centre = np.array([0.0, 1.0 / course.kappa])
+    distance = np.linalg.norm(rear - centre, axis=-1)
+    return np.asarray(1.0 / course.kappa - np.sign(course.kappa) * distance)
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    kappa=st.sampled_from([0.0, 0.02, -0.02, 0.05]),
+    d=st.floats(-1.5, 1.5),
+    relative=st.floats(-0.3, 0.3),
+    speed=st.floats(0.5, 25.0),
+    steering=st.floats(-0.1, 0.1),
+)
+def test_driving_is_the_single_track_model(
+    kappa: float, d: float, relative: float, speed: float, steering: float
+) -> None:
+    course = Course(kappa)
+    state = state_on(course, d, relative, speed, steering)
+    line = guide(course.lane("current", 1, -1.75, 1.75).frame, state, WHEELBASE, 40.0)
+    assert line is not None
+    along = paths(line, np.array([0.0, np.nan]), np.array([15.0, 25.0]), WHEELBASE)
+    speeds = np.stack([braking(speed, 2.0, 60), braking(speed, 6.0, 60)])
+    states, inputs = drive(state, along, speeds, TAU, WHEELBASE)
+    assert states.shape == (2, 2, 61, 5)
+    assert inputs.shape == (2, 2, 60, 2)
+    now = np.broadcast_to(state, (2, 2, 5))
+    for i in range(60):
+        now = step(now, inputs[:, :, i], TAU, WHEELBASE)
+        assert np.abs(now - states[:, :, i + 1]).max() < 1e-5
+
+
+@pytest.mark.parametrize("kappa", [0.0, 0.02, -0.02])
+@pytest.mark.parametrize("target", [-1.0, 0.0, 3.5])
+def test_the_offset_is_reached_and_kept(kappa: float, target: float) -> None:
+    course = Course(kappa)
+    state = state_on(course, 0.4, 0.1, 10.0, 0.02)
+    line = guide(course.lane("current", 1, -1.75, 1.75).frame, state, WHEELBASE, 60.0)
+    assert line is not None
+    along = paths(line, np.array([target]), np.array([25.0]), WHEELBASE)
+    speeds = braking(10.0, 1.0, 200)[None]
+    states, _ = drive(state, along, speeds, TAU, WHEELBASE)
+    offsets = rear_offsets(course, states[0, 0])
+    assert offsets[-40:] == pytest.approx(target, abs=0.06)
+
+
+def test_the_path_starts_with_the_steering_angle_of_the_state() -> None:
+    course = Course(0.03)
+    for steering in (-0.05, 0.0, 0.08):
+        state = state_on(course, 0.3, 0.05, 8.0, steering)
+        line = guide(course.lane("current", 1, -1.75, 1.75).frame, state, WHEELBASE, 30.0)
+        assert line is not None
+        along = paths(line, np.array([0.0]), np.array([20.0]), WHEELBASE)
+        assert along.steering[0, 0] == pytest.approx(steering, abs=1e-9)
+
+
+def test_straightening_does_not_swing_back() -> None:
+    course = Course()
+    state = state_on(course, 0.0, 0.1, 10.0, 0.0)
+    line = guide(course.lane("current", 1, -1.75, 1.75).frame, state, WHEELBASE, 40.0)
+    assert line is not None
+    along = paths(line, np.array([np.nan]), np.array([20.0]), WHEELBASE)
+    states, _ = drive(state, along, braking(10.0, 2.0, 100)[None], TAU, WHEELBASE)
+    assert (np.diff(rear_offsets(course, states[0, 0])) > -1e-6).all()
+    assert abs(states[0, 0, -1, HEADING]) < 1e-3
+
+
+def test_no_line_across_or_against_the_lane() -> None:
+    frame = Course().lane("current", 1, -1.75, 1.75).frame
+    for heading in (np.pi / 2, np.pi, -1.3):
+        assert guide(frame, np.array([0.0, 0.0, heading, 5.0, 0.0]), WHEELBASE, 20.0) is None
+
+
+def test_paths_through_the_centre_of_a_bend_are_left_out() -> None:
+    course = Course(1 / 12.0)
+    state = state_on(course, 0.0, 0.0, 3.0, 0.0)
+    line = guide(course.lane("current", 1, -1.75, 1.75, end=30.0).frame, state, WHEELBASE, 20.0)
+    assert line is not None
+    along = paths(line, np.array([0.0, 11.5]), np.array([10.0, 10.0]), WHEELBASE)
+    assert along.valid.tolist() == [True, False]
+
+
+def test_steering_stays_while_standing() -> None:
+    along = Paths(np.array([[0.0, 10.0]]), np.array([[0.0, 0.1]]), np.array([True], dtype=bool))
+    state = np.array([0.0, 0.0, 0.0, 2.0, 0.0])
+    speeds = np.array([[2.0, 1.0, 0.0, 0.0, 0.0]])
+    states, inputs = drive(state, along, speeds, 0.5, WHEELBASE)
+    assert (states[0, 0, 2:] == states[0, 0, 2]).all()
+    assert (inputs[0, 0, 2:] == 0.0).all()
+    assert states[0, 0, 2, STEERING] == pytest.approx(0.01)
