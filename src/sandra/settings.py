@@ -126,7 +126,7 @@ class Settings:
     """Number of steps h that are verified."""
 
     # Resolution of the reachability analysis
-    cell_s: float = 0.5
+    cell_s: float = 0.25
     """Length of a lattice cell along the lane [m]: sets only grow by rounding."""
     cell_d: float = 0.2
     """Width of a lattice cell across the lane [m]."""

@@ -89,7 +89,7 @@ def test_around_covers_both_ranges(
 def test_touched_rounds_outwards(s: float, length: float, d: float, width: float) -> None:
     lattice = Lattice.around((0.0, 20.0), (-5.0, 5.0), 0.5, 0.2)
     i0, i1, j0, j1 = lattice.touched(s, s + length, d, d + width)
-    assert 0 <= i0
+    assert i0 >= 0
     assert i1 <= lattice.columns
     lines_s, lines_d = lattice.corners()
     for i in range(lattice.columns):

@@ -4,8 +4,8 @@ import itertools
 import random
 
 import pytest
-from logic.random_formulas import random_formula
 
+from logic.random_formulas import random_formula
 from sandra.actions import ActionPair
 from sandra.logic import Comparison, Dfa, parse, specification, translate
 from sandra.logic.automaton import Letter

@@ -5,8 +5,8 @@ import pytest
 import shapely
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from reach_particles import in_polygon
 
+from reach_particles import in_polygon
 from sandra.reach.polygon import (
     EPS,
     MAX_CORNERS,
