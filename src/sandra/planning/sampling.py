@@ -66,7 +66,7 @@ def targets(corridor: ReachableSet, k: int, wanted: tuple[float, ...], count: in
     found: list[float] = []
     for low, high in intervals(corridor, k):
         edge = min(EDGE, (high - low) / 4)
-        inside = [x for x in wanted if low <= x <= high]
+        inside = sorted({x for x in wanted if low <= x <= high})
         spread = np.linspace(low + edge, high - edge, count).tolist()
         found += inside + [x for x in spread if all(abs(x - y) > 0.1 for y in inside)]
     return found
@@ -75,8 +75,9 @@ def targets(corridor: ReachableSet, k: int, wanted: tuple[float, ...], count: in
 def simple_plans(corridor: ReachableSet, d0: float, wanted: tuple[float, ...], dt: float) -> Plans:
     """One move at once, of several durations; or one that begins later."""
     duration = corridor.horizon * dt
-    ends = targets(corridor, corridor.horizon, (*wanted, d0), 5)
-    rows = [(d, share * duration, 0.0, 0.0, 1.0) for d in ends for share in (0.5, 0.75, 1.0, 1.5)]
+    between = tuple((x + d0) / 2 for x in wanted)
+    ends = targets(corridor, corridor.horizon, (*wanted, d0, *between), 5)
+    rows = [(d, share * duration, 0.0, 0.0, 1.0) for d in ends for share in (0.5, 0.8, 1.2, 2.0)]
     rows += [
         (d0, 0.3 * duration, d - d0, begin * duration, share * duration)
         for d in ends

@@ -1,0 +1,147 @@
+"""Forbidden cells: only where the body collides for sure, by exact geometry."""
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given
+from hypothesis import strategies as st
+
+from reach_particles import road, shape
+from reach_scenes import Course, prediction
+from sandra.reach import Ground, ground
+from sandra.reach.ground import distance
+from sandra.scene.types import Region
+from sandra.settings import Settings
+
+coordinate = st.floats(-20.0, 20.0).map(lambda x: round(x, 2))
+
+
+@given(
+    st.lists(st.tuples(coordinate, coordinate), min_size=1, max_size=7),
+    st.lists(st.tuples(coordinate, coordinate), min_size=1, max_size=20),
+)
+def test_distance_agrees_with_shapely(
+    corners: list[tuple[float, float]], points: list[tuple[float, float]]
+) -> None:
+    body = shapely.MultiPoint(corners).convex_hull
+    vertices = shapely.get_coordinates(body)
+    if len(vertices) > 2:
+        vertices = vertices[:-1]
+    found = distance(np.array(points), vertices)
+    assert found == pytest.approx(shapely.distance(body, shapely.points(points)), abs=1e-9)
+    # either direction of turning
+    assert distance(np.array(points), vertices[::-1]) == pytest.approx(found, abs=1e-9)
+
+
+def crowded(course: Course, horizon: int = 3) -> Ground:
+    """Cars, a pedestrian and a capsule on a bent road, at odd angles."""
+    rng = np.random.default_rng(5)
+    outlines = [Region.rectangle(4.5, 1.8), Region.disc(0.4), Region.rectangle(12.0, 2.5)]
+    outlines.append(Region(np.array([[-1.0, 0.0], [1.0, 0.0]]), 0.5))
+    cars = [
+        course.car(
+            i + 2,
+            float(rng.uniform(5.0, 60.0)),
+            float(rng.uniform(-6.0, 6.0)),
+            angle=float(rng.uniform(-1.0, 1.0)),
+            outline=outlines[i % len(outlines)],
+        )
+        for i in range(12)
+    ]
+    scene = course.scene(obstacles=cars, speed=15.0)
+    return ground(scene, prediction(scene, horizon), Settings(horizon=horizon))
+
+
+COURSES = [
+    Course(),
+    Course(angle=0.7, step=10.0),
+    Course(1 / 25),
+    Course(-1 / 15, step=2.0),
+    Course(1 / 25, step=6.0),
+    Course(-1 / 20, step=9.0),
+]
+
+
+@pytest.mark.parametrize("course", COURSES)
+def test_cells_forbidden_by_obstacles_collide_for_sure(course: Course) -> None:
+    """Any point of such a cell is nearer to the body than the inscribed disc's radius."""
+    base = crowded(course, 25)
+    rng = np.random.default_rng(1)
+    radius = base.scene.ego.width / 2
+    seen = 0
+    for obstacle, steps in zip(base.prediction.obstacles, base.by_obstacle, strict=True):
+        body = shapely.MultiPoint(obstacle.at[0][0].vertices).convex_hull
+        for i0, _, j0, _, mask in steps[0]:
+            cells = np.argwhere(mask) + [i0, j0]
+            inside = rng.uniform(0.0, 1.0, (40, len(cells), 2))
+            # corners and edges too, and what lies next to the corners of the reference line
+            inside[:16] = np.round(inside[:16])
+            inside[16:32, :, 1] = np.round(inside[16:32, :, 1])
+            at = (cells + inside).reshape(-1, 2) * [base.lattice.ds, base.lattice.dd]
+            points = base.scene.frame.to_cartesian(at + [base.lattice.s0, base.lattice.d0])
+            away = shapely.distance(body, shapely.points(points)) - obstacle.at[0][0].radius
+            assert away.max() <= radius + 1e-9
+            seen += len(cells)
+    assert seen > 200
+
+
+@pytest.mark.parametrize("course", COURSES)
+def test_cells_off_the_road_cross_its_border_for_sure(course: Course) -> None:
+    base = crowded(course)
+    rng = np.random.default_rng(2)
+    lattice = base.lattice
+    free = road(base)
+    cells = np.argwhere(base.off_road)
+    assert len(cells) > 50
+    inside = np.round(rng.uniform(0.0, 1.0, (6, len(cells), 2)), 1)
+    at = (cells + inside).reshape(-1, 2) * [lattice.ds, lattice.dd] + [lattice.s0, lattice.d0]
+    points = shapely.points(base.scene.frame.to_cartesian(at))
+    outside = ~shapely.covers(free, points)
+    to_border = shapely.distance(free.boundary, points)
+    # 0.1 m: slits between lanelets up to twice that are closed, corners are rounded by it
+    assert (outside | (to_border <= base.scene.ego.width / 2 + 1e-6)).all()
+
+
+def test_most_of_what_collides_is_forbidden() -> None:
+    """Not only sound: on a straight road the forbidden cells fill the occupied ones."""
+    course = Course()
+    scene = course.scene(obstacles=[course.car(2, 20.0, 0.0)], speed=10.0)
+    base = ground(scene, prediction(scene, 20), Settings(horizon=20))
+    ((i0, i1, j0, j1, mask),) = base.by_obstacle[0][0]
+    assert base.forbidden[0][i0:i1, j0:j1][mask].all()
+    body = shape(base.prediction.obstacles[0].at[0][0]).buffer(0.9)
+    area = mask.sum() * base.lattice.ds * base.lattice.dd
+    assert 0.75 * body.area < area <= body.area
+
+
+def test_leaving_a_cause_out() -> None:
+    base = crowded(Course())
+    without = base.forbidden_without(0)
+    assert (without[0] <= base.forbidden[0]).all()
+    assert without[0].sum() < base.forbidden[0].sum()
+    assert (base.forbidden_without(None)[0] == base.forbidden[0]).all()
+    assert not (base.forbidden_without(None, road=False)[0] == base.forbidden[0]).all()
+    ((i0, i1, j0, j1, mask),) = base.by_obstacle[3][0]
+    cells = np.zeros_like(base.off_road)
+    cells[i0:i1, j0:j1] = mask
+    assert base.obstacles_at(0, cells)[0] == 3
+    with pytest.raises(ValueError, match="read-only"):
+        base.forbidden[0][0, 0] = True
+
+
+def test_initial_state_and_its_uncertainty() -> None:
+    course = Course(1 / 25)
+    scene = course.scene(d=1.0, angle=0.1, speed=10.0)
+    exact = ground(scene, prediction(scene, 3), Settings(horizon=3))
+    ((s, v_s),) = exact.lon
+    ((d, v_d),) = exact.lat
+    assert d == pytest.approx(1.0, abs=0.02)
+    # the speed along the reference line is larger on the inside of the bend
+    assert v_s == pytest.approx(10.0 * np.cos(0.1) / (1.0 - 1.0 / 25), rel=1e-3)
+    assert v_d == pytest.approx(10.0 * np.sin(0.1), rel=1e-2)
+    wide = ground(
+        scene, prediction(scene, 3), Settings(horizon=3, s_uncertainty=0.3, v_uncertainty=0.2)
+    )
+    assert np.ptp(np.array(wide.lon), axis=0) == pytest.approx([0.6, 0.4])
+    assert np.mean(np.array(wide.lat), axis=0) == pytest.approx([d, v_d])
+    assert s == pytest.approx(np.mean(np.array(wide.lon)[:, 0]))

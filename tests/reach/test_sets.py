@@ -1,0 +1,104 @@
+"""Sets: area, corridor, membership."""
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given
+from hypothesis import strategies as st
+
+from reach_scenes import Course, prediction
+from sandra.actions import ActionPair
+from sandra.logic import specification
+from sandra.reach import BaseSet, Lattice, ReachableSet, compute, ground
+from sandra.settings import Settings
+
+LATTICE = Lattice.around((0.0, 10.0), (-5.0, 5.0), 0.5, 0.2)
+coordinate = st.integers(-20, 20).map(lambda i: i / 4)
+rectangles = st.tuples(coordinate, coordinate, coordinate, coordinate).map(
+    lambda r: (min(r[:2]), max(r[:2]), min(r[2:]), max(r[2:]))
+)
+
+
+def base_set(s0: float, s1: float, d0: float, d1: float) -> BaseSet:
+    lon = [(s0, 1.0), (s1, 2.0), (s1, 3.0)]
+    lat = [(d0, -1.0), (d1, 0.0)]
+    return BaseSet(lon, lat, 0, (-1.0, 1.0))
+
+
+@given(st.lists(rectangles, max_size=8))
+def test_area_is_that_of_the_union(some: list[tuple[float, float, float, float]]) -> None:
+    found = ReachableSet((tuple(base_set(*r) for r in some),), 3, LATTICE)
+    exact = shapely.union_all([shapely.box(a, c, b, d) for a, b, c, d in some])
+    assert found.area(0) == pytest.approx(exact.area)
+    assert found.area(1) == 0.0
+
+
+def reach(pair: str, horizon: int = 15) -> ReachableSet:
+    course = Course(0.02)
+    places = {2: (18.0, 0.0, 4.0), 3: (8.0, 3.5, 8.0), 4: (-10.0, -3.5, 14.0)}
+    cars = [course.car(i, s, d, v) for i, (s, d, v) in places.items()]
+    scene = course.scene(obstacles=cars)
+    paths = {c.id: course.drive(c, *places[c.id][:2], horizon, 0.1) for c in cars}
+    base = ground(scene, prediction(scene, horizon, paths), Settings(horizon=horizon))
+    return compute(base, specification(ActionPair.parse(pair)))
+
+
+@pytest.mark.parametrize("pair", ["keep,follow-lane", "decelerate,left-lane", "keep,right-lane"])
+def test_corridor(pair: str) -> None:
+    whole = reach(pair)
+    assert whole.first_empty_step is None
+    corridor = whole.corridor()
+    assert corridor.first_empty_step is None
+    assert corridor.steps[-1] == tuple(
+        BaseSet(b.lon, b.lat, b.label, b.inputs, c.parents)
+        for b, c in zip(whole.steps[-1], corridor.steps[-1], strict=True)
+    )
+    for k, step in enumerate(corridor.steps):
+        polygons = [(b.lon, b.lat, b.label) for b in whole.steps[k]]
+        assert all((b.lon, b.lat, b.label) in polygons for b in step)
+        assert corridor.area(k) <= whole.area(k) + 1e-9
+        if k > 0:
+            used = {p for b in step for p in b.parents}
+            # each has an ancestor, and each of the step before has a descendant
+            assert all(b.parents for b in step)
+            assert used == set(range(len(corridor.steps[k - 1])))
+    assert corridor.corridor().steps == corridor.steps
+
+
+def test_corridor_keeps_the_right_parents() -> None:
+    """The parents of the corridor are those of the set: the same polygons."""
+    whole = reach("decelerate,left-lane")
+    corridor = whole.corridor()
+    for k in range(1, len(corridor.steps)):
+        for b in corridor.steps[k]:
+            (old,) = (
+                x for x in whole.steps[k] if (x.lon, x.lat, x.label) == (b.lon, b.lat, b.label)
+            )
+            mine = {str(corridor.steps[k - 1][p].lon) for p in b.parents}
+            assert mine == {str(whole.steps[k - 1][p].lon) for p in old.parents}
+
+
+def test_parents_lead_to_their_children() -> None:
+    """From each parent its child is reached: their boxes, moved and widened, meet."""
+    whole = reach("keep,follow-lane")
+    for k in range(1, len(whole.steps)):
+        for child in whole.steps[k]:
+            assert child.parents
+            for p in child.parents:
+                parent = whole.steps[k - 1][p]
+                low = parent.rectangle[0] + parent.speeds[0] * 0.1 - 0.04
+                high = parent.rectangle[1] + parent.speeds[1] * 0.1 + 0.04
+                assert child.rectangle[0] <= high
+                assert child.rectangle[1] >= low
+
+
+def test_membership() -> None:
+    one = base_set(0.0, 4.0, -1.0, 1.0)
+    found = ReachableSet(((one,),), 0, LATTICE)
+    assert found.contains(0, 4.0, 2.5, 0.0, -0.5)
+    assert not found.contains(0, 4.0, 3.1, 0.0, -0.5)
+    assert not found.contains(0, 4.0, 2.5, 0.0, -0.4)
+    assert not found.contains(1, 4.0, 2.5, 0.0, -0.5)
+    assert one.speeds == (1.0, 3.0)
+    assert found.boxes(0) == [LATTICE.touched(0.0, 4.0, -1.0, 1.0)]
+    assert np.isclose(found.area(0), 8.0)

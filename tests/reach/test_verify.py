@@ -1,0 +1,268 @@
+"""Verdicts: independent of each other, never positive without proof, and with the right cause."""
+
+import random
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from reach_particles import TOLERANCE, World, contained, fly
+from reach_scenes import Course, prediction
+from sandra.actions import ALL_PAIRS, ActionPair
+from sandra.errors import SettingsError
+from sandra.logic import Specification, specification
+from sandra.reach import (
+    Ground,
+    ReachableSet,
+    Status,
+    Verdict,
+    compute,
+    ground,
+    verify,
+    verify_on,
+    verify_pair,
+)
+from sandra.scene import load
+from sandra.settings import Settings
+
+H = 15
+SETTINGS = Settings(horizon=H)
+
+
+def busy(kappa: float = 0.02, settings: Settings = SETTINGS) -> Ground:
+    """A bent road with a slow car ahead, one on the left and one on the right."""
+    course = Course(kappa)
+    places = {2: (18.0, 0.0, 4.0), 3: (8.0, 3.5, 8.0), 4: (-10.0, -3.5, 14.0)}
+    cars = [course.car(i, s, d, v) for i, (s, d, v) in places.items()]
+    scene = course.scene(obstacles=cars)
+    paths = {
+        i: course.drive(car, *places[i][:2], H, 0.1) for i, car in zip(places, cars, strict=True)
+    }
+    return ground(scene, prediction(scene, H, paths), settings)
+
+
+def empty_road(settings: Settings = SETTINGS, **changes) -> Ground:
+    scene = Course().scene(**changes)
+    return ground(scene, prediction(scene, settings.horizon), settings)
+
+
+def only(text: str, base: Ground) -> Specification:
+    spec = specification(ALL_PAIRS[0], (text,), base.settings, dt=base.scene.dt)
+    return Specification(spec.pair, spec.parts[2:])
+
+
+def inside(small: ReachableSet, large: ReachableSet, k: int, n: int = 300) -> bool:
+    """Whether random states of one set lie in the other (boxes may part the sets differently)."""
+    rng = np.random.default_rng(k)
+    for base in small.steps[k]:
+        parts = [rng.dirichlet(np.full(len(p), 0.4), n) @ np.array(p) for p in (base.lon, base.lat)]
+        if not contained(large, k, np.hstack(parts)).all():
+            return False
+    return True
+
+
+# ------------------------------------------------------------------ independence
+
+
+def test_verdicts_do_not_depend_on_what_was_verified_before() -> None:
+    base = busy()
+    rules = ("R_G1", "R_G3")
+    together = verify_on(base, ALL_PAIRS, rules)
+    shuffled = list(ALL_PAIRS)
+    random.Random(1).shuffle(shuffled)
+    again = verify_on(base, [*shuffled, *shuffled], rules)
+    for pair in ALL_PAIRS:
+        alone = verify_pair(busy(), pair, rules)
+        for other in [alone, *(v for v in again if v.pair == pair)]:
+            one = together[pair]
+            assert other.status is one.status
+            assert other.reason == one.reason
+            assert other.reachable_set.steps == one.reachable_set.steps
+
+
+# ------------------------------------------------------------------ deny by default
+
+
+def test_no_positive_verdict_without_a_set() -> None:
+    base = busy()
+    spec = specification(ALL_PAIRS[0])
+    full = compute(base, Specification(ALL_PAIRS[0], ()))
+    short = ReachableSet(full.steps[:-1], H, base.lattice)
+    hollow = ReachableSet((*full.steps[:-1], ()), H, base.lattice)
+    gap = ReachableSet((*full.steps[:3], (), *full.steps[4:]), H, base.lattice)
+    nothing = ReachableSet((), H, base.lattice)
+    for found, step in ((short, H), (hollow, H), (gap, 3), (nothing, 0)):
+        assert found.first_empty_step == step
+        assert found.corridor().steps == ()
+        with pytest.raises(ValueError, match="contradicts"):
+            Verdict(ALL_PAIRS[0], Status.REACHABLE, spec, found, None, 0.0)
+        Verdict(ALL_PAIRS[0], Status.UNSAFE, spec, found, None, 0.0)
+    with pytest.raises(ValueError, match="contradicts"):
+        Verdict(ALL_PAIRS[0], Status.UNSAFE, spec, full, None, 0.0)
+    with pytest.raises(ValueError, match="certificate"):
+        Verdict(ALL_PAIRS[0], Status.CERTIFIED, spec, full, None, 0.0)
+
+
+def test_a_prediction_of_another_time_step_is_refused() -> None:
+    scene = Course().scene()
+    with pytest.raises(SettingsError, match="predict again"):
+        ground(scene, replace(prediction(scene, H), dt=0.2), SETTINGS)
+
+
+# ------------------------------------------------------------------ monotonicity
+
+
+@pytest.mark.parametrize("text", [str(pair) for pair in ALL_PAIRS])
+def test_a_specification_never_enlarges_the_free_set(text: str) -> None:
+    base = busy()
+    free = compute(base, Specification(ALL_PAIRS[0], ()))
+    found = compute(base, specification(ActionPair.parse(text)))
+    for k in range(len(found.steps)):
+        assert inside(found, free, k)
+        assert found.area(k) <= free.area(k) + base.lattice.ds * base.lattice.dd * 8
+
+
+def test_a_rule_never_lets_more_trajectories_through() -> None:
+    """Everything that complies with the rules lies in the set without them."""
+    world = World(busy())
+    for text in ("decelerate,follow-lane", "keep,left-lane"):
+        pair = ActionPair.parse(text)
+        plain = compute(world.ground, specification(pair))
+        ruled = specification(pair, ("R_G1", "R_G2", "R_G3"))
+        found = compute(world.ground, ruled)
+        some = fly(world, ruled, found, 2000, 3).survivors
+        for k in range(some.shape[0]):
+            assert contained(plain, k, some[k]).all()
+        if plain.first_empty_step is not None:
+            assert found.first_empty_step is not None
+            assert found.first_empty_step <= plain.first_empty_step
+
+
+def test_an_obstacle_never_enlarges_the_set() -> None:
+    base = busy()
+    spec = Specification(ALL_PAIRS[0], ())
+    with_all = compute(base, spec)
+    without = compute(base, spec, base.forbidden_without(0))
+    for k in range(H + 1):
+        assert inside(with_all, without, k)
+    assert with_all.area(H) < without.area(H) - 1.0
+
+
+# ------------------------------------------------------------------ causes
+
+
+def test_contradicting_input_ranges_are_empty_at_once() -> None:
+    verdict = verify_pair(empty_road(), ActionPair.parse("decelerate,follow-lane"), ("G(a >= 0)",))
+    assert verdict.status is Status.UNSAFE
+    assert verdict.first_empty_step == 0
+    assert "empty at step 0" in str(verdict.reason)
+    assert "decelerate" in str(verdict.reason) or "a >= 0" in str(verdict.reason)
+
+
+def test_decelerating_from_standstill_is_empty() -> None:
+    verdict = verify_pair(empty_road(speed=0.0), ActionPair.parse("decelerate,follow-lane"))
+    assert verdict.first_empty_step == 1
+    assert "decelerate" in str(verdict.reason)
+
+
+def test_missing_lanes() -> None:
+    course = Course()
+    scene = course.scene(course.lanes(left=0, right=0))
+    base = ground(scene, prediction(scene, H), SETTINGS)
+    for side in ("left", "right"):
+        for longitudinal in ("keep", "accelerate", "decelerate", "stop"):
+            verdict = verify_pair(base, ActionPair.of(longitudinal, f"{side}-lane"))
+            assert verdict.status is Status.UNSAFE
+            assert f"no {side}-adjacent lane" in str(verdict.reason)
+
+
+def test_initial_speed_above_the_highest() -> None:
+    for verdict in verify_on(empty_road(speed=31.0), ALL_PAIRS):
+        assert verdict.first_empty_step == 0
+        if verdict.pair.lateral.value == "follow-lane":
+            assert "31.0 m/s exceeds v_max = 30 m/s" in str(verdict.reason)
+    at_limit = empty_road(speed=30.0)
+    assert verify_pair(at_limit, ActionPair.parse("keep,follow-lane")).status is Status.REACHABLE
+
+
+def test_too_fast_scenario(shared: Path) -> None:
+    scene = load(shared / "data" / "scenarios" / "DEU_LocationALower-11_10_T-1.xml")
+    for verdict in verify(scene, ["keep,follow-lane", "stop,right-lane"], horizon=5):
+        assert verdict.first_empty_step == 0
+        assert "35.7 m/s exceeds v_max" in str(verdict.reason)
+
+
+def test_ego_in_collision() -> None:
+    course = Course()
+    scene = course.scene(obstacles=[course.car(7, 1.0, 0.5), course.car(8, 60.0, 3.5)])
+    base = ground(scene, prediction(scene, H), SETTINGS)
+    verdict = verify_pair(base, ActionPair.parse("keep,follow-lane"))
+    assert verdict.first_empty_step == 0
+    assert "car 7 leaves no room" in str(verdict.reason)
+
+
+def test_stopped_car_ahead() -> None:
+    course = Course()
+    lanes = course.lanes(left=0, right=0)
+    scene = course.scene(lanes, [course.car(7, 16.0, 0.0), course.car(8, -30.0, 0.0)], speed=15.0)
+    base = ground(scene, prediction(scene, H), SETTINGS)
+    verdict = verify_pair(base, ActionPair.parse("keep,follow-lane"))
+    assert verdict.status is Status.UNSAFE
+    # bodies touch when the inscribed disc does: 16 m less half a car and the disc
+    first = (16.0 - 2.25 - 0.9) / 15.0
+    assert verdict.first_empty_step is not None
+    assert first / 0.1 - 1 <= verdict.first_empty_step <= first / 0.1 + 2
+    assert "car 7 leaves no room" in str(verdict.reason)
+    assert "lasts through" in str(verdict.reason)
+
+
+def test_safe_distance() -> None:
+    course = Course()
+    lanes = course.lanes(left=0, right=0)
+    car = course.car(7, 14.0, 0.0, 10.0)
+    scene = course.scene(lanes, [car], speed=10.0)
+    path = {7: course.drive(car, 14.0, 0.0, H, 0.1)}
+    base = ground(scene, prediction(scene, H, path), SETTINGS)
+    pair = ActionPair.parse("keep,follow-lane")
+    assert verify_pair(base, pair).status is Status.REACHABLE
+    # bumper to bumper 9.5 m; v^2/12 - v^2/24 + 0.4 v = 8.17 m suffice, 11 m/s would need 8.98 m
+    assert verify_pair(base, pair, ("R_G1",)).status is Status.REACHABLE
+    near = course.car(7, 12.0, 0.0, 10.0)
+    scene = course.scene(lanes, [near], speed=10.0)
+    path = {7: course.drive(near, 12.0, 0.0, H, 0.1)}
+    verdict = verify_pair(ground(scene, prediction(scene, H, path), SETTINGS), pair, ("R_G1",))
+    assert verdict.first_empty_step == 0
+    assert "rule R_G1" in str(verdict.reason)
+
+
+def test_border_of_the_road() -> None:
+    """At 3 m/s towards the border, 0.5 m before it."""
+    course = Course()
+    scene = course.scene(course.lanes(left=0, right=0), d=0.3, speed=15.0, angle=0.25)
+    base = ground(scene, prediction(scene, H), SETTINGS)
+    verdict = verify_pair(base, ActionPair.parse("keep,follow-lane"))
+    assert verdict.status is Status.UNSAFE
+    assert "the border of the road" in str(verdict.reason)
+
+
+def test_speed_limit() -> None:
+    course = Course()
+    scene = course.scene(course.lanes(limit=9.0), speed=10.0)
+    base = ground(scene, prediction(scene, H), SETTINGS)
+    verdict = verify_pair(base, ActionPair.parse("keep,follow-lane"), ("R_G3",))
+    assert verdict.first_empty_step == 0
+    assert "rule R_G3" in str(verdict.reason)
+
+
+def test_verdicts_print_and_look_up() -> None:
+    found = verify_on(empty_road(), [ALL_PAIRS[0], ALL_PAIRS[9]])
+    assert len(found) == 2
+    assert found["keep,follow-lane"] is found[0] is found[ALL_PAIRS[0]]
+    with pytest.raises(KeyError, match="was not verified"):
+        found["keep,left-lane"]
+    entry = found.to_list()[1]
+    assert entry["status"] == "UNSAFE"
+    assert entry["first_empty_step"] == H
+    assert "stop" in str(found).splitlines()[1]
+    assert TOLERANCE < 1e-5
