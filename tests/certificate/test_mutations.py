@@ -271,6 +271,7 @@ MUTATIONS: dict[str, tuple[str, Mutation]] = {
     "one obstacle twice": ("format", lambda c: replace(c, obstacles=c.obstacles * 2)),
     # grid
     "dt wrong": ("grid", lambda c: replace(c, dt=0.11)),
+    "dt too long": ("grid", lambda c: replace(c, dt=20.0)),
     "dt double": ("grid", lambda c: replace(c, dt=0.2)),
     "tau wrong": ("grid", witness(nothing, tau=0.04)),
     "tau half": ("grid", witness(nothing, tau=0.025)),

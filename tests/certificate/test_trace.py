@@ -81,11 +81,17 @@ def _compare(formula: Formula, atoms: Sequence[Atom], values: list[list[str]], s
 
 def test_a_formula_may_be_too_large() -> None:
     formula: Formula = parse("a > 0")
-    for _ in range(16):
+    for _ in range(9):
         formula = Iff(formula, formula)
     with pytest.raises(FormulaError, match="too large"):
         holds(formula, {}, 1)
     assert LARGEST > 1000
+
+    class Strange(Formula):
+        """A connective that nobody knows."""
+
+    with pytest.raises(TypeError, match="Strange"):
+        holds(Strange(), {}, 1)
 
 
 def test_the_first_step_at_which_a_demand_fails() -> None:

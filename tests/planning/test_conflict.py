@@ -7,9 +7,9 @@ import dataclasses
 import numpy as np
 import pytest
 import shapely
-from reach_scenes import WIDTH, Course
 
 import sandra
+from reach_scenes import WIDTH, Course
 from sandra.planning.conflict import SLIVER, conflict_areas
 from sandra.scene.frame import Frame
 from sandra.scene.types import Lane, Scene

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from reach_scenes import Course
 
+from reach_scenes import Course
 from sandra.planning.lane_paths import Paths, drive, guide, paths
 from sandra.planning.single_track import HEADING, STEERING, step
 

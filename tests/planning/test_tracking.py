@@ -89,11 +89,13 @@ def test_a_feasible_lane_change_is_followed_closely(
     beta = np.arcsin(WHEELBASE / 2 * kappa)
     start = np.array([0.0, 0.0, -beta, speed, np.arctan(2 * np.tan(beta))])
     states, _ = follow(start, reference, TAU, WHEELBASE, limits)
-    error = np.linalg.norm(states[0, :, :2] - reference.points[0], axis=1)
+    # Along the lane the reference is not exact: its path is longer than its lane.
+    course = reference.course[0]
+    across = np.column_stack([-np.sin(course), np.cos(course)])
+    error = np.abs(((states[0, :, :2] - reference.points[0]) * across).sum(axis=1))
     assert error.max() < 0.3
     assert error[-1] < 0.1
-    course = states[0, :, 2] + slip(states[0, :, 4])
-    assert abs(course[-1] - reference.course[0, -1]) < 0.03
+    assert abs(states[0, -1, 2] + slip(states[0, -1, 4]) - course[-1]) < 0.03
 
 
 def test_an_initial_offset_and_heading_are_steered_back() -> None:

@@ -5,8 +5,8 @@ import pytest
 import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from reach_scenes import Course
 
+from reach_scenes import Course
 from sandra.planning.tracking import advance
 from sandra.planning.validity import Occupied, Road, corners, deviation, separation
 from sandra.prediction import PredictedObstacle, Prediction

@@ -84,8 +84,7 @@ def test_live_classes_are_those_that_can_still_accept(seed: int, inputs: Interva
         if more <= pairs:
             break
         pairs |= more
-    accepting = {q for q in range(dfa.n_states)} & dfa.accepting
-    live = accepting
+    live = set(dfa.accepting)
     for left in range(1, horizon + 2):
         live = {
             q

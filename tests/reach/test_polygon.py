@@ -94,6 +94,12 @@ def test_cut_keeps_what_lies_on_the_line() -> None:
     assert cut([(1.0, 1.0)], 1.0, 0.0, 0.5) == []
 
 
+def test_cut_rounds_outwards() -> None:
+    beyond = 1.0 + EPS / 2
+    assert cut([(beyond, 0.0)], 1.0, 0.0, 1.0) == [(beyond, 0.0)]
+    assert range_x(cut([(0.0, 0.0), (2.0, 0.0)], 1.0, 0.0, 1.0))[1] >= beyond
+
+
 def test_cut_of_a_segment_is_a_segment() -> None:
     segment = [(0.0, 0.0), (2.0, 2.0)]
     assert cut(segment, 1.0, 0.0, 3.0) == segment

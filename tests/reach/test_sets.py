@@ -8,8 +8,9 @@ from hypothesis import strategies as st
 
 from reach_scenes import Course, prediction
 from sandra.actions import ActionPair
-from sandra.logic import specification
+from sandra.logic import Specification, specification
 from sandra.reach import BaseSet, Lattice, ReachableSet, compute, ground
+from sandra.reach.moves import moves_of
 from sandra.settings import Settings
 
 LATTICE = Lattice.around((0.0, 10.0), (-5.0, 5.0), 0.5, 0.2)
@@ -90,6 +91,24 @@ def test_parents_lead_to_their_children() -> None:
                 high = parent.rectangle[1] + parent.speeds[1] * 0.1 + 0.04
                 assert child.rectangle[0] <= high
                 assert child.rectangle[1] >= low
+
+
+@pytest.mark.parametrize(
+    "text", ["F(in_lane(left) & X X X !in_lane(current))", "F G(in_lane(right))", "G(v <= 12)"]
+)
+def test_only_what_can_still_accept_is_kept(text: str) -> None:
+    horizon = 12
+    scene = Course().scene()
+    base = ground(scene, prediction(scene, horizon), Settings(horizon=horizon))
+    spec = specification(ActionPair.parse("keep,follow-lane"), (text,))
+    spec = Specification(spec.pair, spec.parts[2:])
+    found = compute(base, spec)
+    moves = moves_of(spec.dfa, (-6.0, 6.0), horizon)
+    assert found.first_empty_step is None
+    for k in range(horizon):
+        # `horizon - k` letters are still to be read
+        assert {b.label for b in found.steps[k]} <= moves.live[horizon - k]
+    assert {b.label for b in found.steps[horizon]} == {-1}
 
 
 def test_membership() -> None:

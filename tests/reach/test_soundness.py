@@ -153,7 +153,7 @@ def test_reference_scenarios(name: str) -> None:
 def test_straight_and_bent_roads(kappa: float, step: float) -> None:
     settings = Settings(horizon=12)
     world = bend(kappa, step, 0.1, 12, settings)
-    campaign(world, everything(world.ground.scene, settings, 0.15), f"bend {kappa}")
+    campaign(world, everything(world.ground.scene, settings, 0.1), f"bend {kappa}")
 
 
 def test_uncertain_initial_state() -> None:
@@ -228,7 +228,7 @@ def test_lanes_that_are_not_parallel(border) -> None:
     scene = course.scene([course.lane("current", 100, -1.75, 1.75), other], more_lanelets=[tarmac])
     world = World(ground(scene, prediction(scene, 15), settings))
     texts = ("F G(in_lane(left))", "G(!in_lane(left))", "F(in_lane(left) & X(!in_lane(current)))")
-    runs = [(text, formula(text, settings, 0.1), 8000) for text in texts]
+    runs = [(text, formula(text, settings, 0.1), 5000) for text in texts]
     campaign(world, runs, "not parallel")
 
 

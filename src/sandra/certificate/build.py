@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import platform
 from collections.abc import Iterable, Mapping, Sequence
 from importlib import metadata
@@ -31,6 +32,8 @@ Array = NDArray[np.float64]
 
 NEAR = 50.0
 """Lanelets so far around the box of both trajectories belong to the road area [m]."""
+ROUNDING = 1e-30
+"""Smaller numbers are 0 [m, rad, m/s, ...]."""
 
 
 def certificate(
@@ -83,6 +86,8 @@ def certificate(
         if isinstance(atom, Predicate) and atom.name == "in_lanelet"
     }
     of_lanes = {i for lane in lanes for i in lane.lanelets}
+    # Nothing is said about what comes after the end of the fail-safe trajectory.
+    steps = max(1, math.ceil(fail_safe.end / scene.dt - 1e-6))
     points = np.vstack([witness.states[:, :2], fail_safe.states[:, :2]])
     kept = [
         lanelet
@@ -103,7 +108,7 @@ def certificate(
         lanelets=_pavements(kept, limits),
         reference=_array(scene.frame.line),
         conflicts=_pavements((x for x in scene.lanelets if x.id in incoming), limits),
-        obstacles=_participants(prediction, set_based),
+        obstacles=_participants(prediction, set_based, steps),
         prediction=prediction.kind,
         set_based=set_based.kind,
         notes=tuple(dict.fromkeys((*prediction.notes, *set_based.notes))),
@@ -139,17 +144,21 @@ def _pavements(
     )
 
 
-def _participants(prediction: Prediction, set_based: Prediction) -> tuple[Participant, ...]:
+def _participants(
+    prediction: Prediction, set_based: Prediction, steps: int
+) -> tuple[Participant, ...]:
     possible = {each.obstacle.id: each for each in set_based.obstacles}
     ids = sorted(each.obstacle.id for each in prediction.obstacles)
     if ids != sorted(each.obstacle.id for each in set_based.obstacles) or len(ids) != len(possible):
         raise CertificateError(
             "the two predictions are not of the same participants: predict both from one scene"
         )
-    return tuple(_participant(each, possible[each.obstacle.id]) for each in prediction.obstacles)
+    return tuple(
+        _participant(each, possible[each.obstacle.id], steps) for each in prediction.obstacles
+    )
 
 
-def _participant(likely: PredictedObstacle, possible: PredictedObstacle) -> Participant:
+def _participant(likely: PredictedObstacle, possible: PredictedObstacle, steps: int) -> Participant:
     obstacle = likely.obstacle
     return Participant(
         id=obstacle.id,
@@ -158,7 +167,7 @@ def _participant(likely: PredictedObstacle, possible: PredictedObstacle) -> Part
         is_static=obstacle.is_static,
         states=_array(likely.states),
         likely=_occupancies(likely.between),
-        possible=_occupancies(possible.between),
+        possible=_occupancies(possible.between[:steps]),
         assumptions=possible.assumptions,
         dropped=possible.dropped,
         basis=likely.assumptions,
@@ -166,6 +175,10 @@ def _participant(likely: PredictedObstacle, possible: PredictedObstacle) -> Part
 
 
 def _occupancies(regions: Occupancies) -> Occupancies:
+    """The regions as they are: there are too many of them to be copied without need."""
+    found = [region.vertices for step in regions for region in step]
+    if not found or not _tiny(np.concatenate(found)).any():
+        return regions
     return tuple(tuple(_region(region) for region in step) for step in regions)
 
 
@@ -183,10 +196,15 @@ def _trajectory(trajectory: Trajectory) -> Trajectory:
 
 
 def _array(values: object) -> Array:
-    """A read-only copy."""
+    """A read-only copy; what is so small that it can only come from rounding becomes 0."""
     copy = np.array(values, dtype=np.float64)
+    copy[_tiny(copy)] = 0.0
     copy.setflags(write=False)
     return copy
+
+
+def _tiny(values: Array) -> NDArray[np.bool_]:
+    return (np.abs(values) < ROUNDING) & (values != 0.0)
 
 
 def _own(vocabulary: Vocabulary | None) -> Mapping[str, Mapping[str, str]] | None:

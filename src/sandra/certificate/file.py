@@ -1,12 +1,15 @@
 """One certificate, one file: JSON with plain lists of numbers, gzip if the name ends in `.gz`.
 
 Numbers are written so that they come back bit for bit; NaN (a participant that is absent) is
-null; an infinite parameter is "inf". A reader refuses other versions, missing and unknown keys,
+null; an infinite parameter is "inf". Predicted regions, tens of thousands of them, are packed: how
+many in each interval, how many vertices in each, and the numbers as base64 of little-endian
+doubles. A reader refuses other versions, missing and unknown keys,
 and whatever is not of the kind that belongs there.
 """
 
 from __future__ import annotations
 
+import base64
 import gzip
 import json
 import math
@@ -226,7 +229,18 @@ def _of_participant(x: Participant) -> Json:
 
 
 def _of_occupancies(occupancies: Occupancies) -> Json:
-    return [[_of_region(region) for region in step] for step in occupancies]
+    regions = [region for step in occupancies for region in step]
+    points = np.concatenate([np.empty((0, 2)), *(region.vertices for region in regions)])
+    return {
+        "regions": [len(step) for step in occupancies],
+        "vertices": [len(region.vertices) for region in regions],
+        "radii": _packed(np.array([region.radius for region in regions])),
+        "points": _packed(points),
+    }
+
+
+def _packed(values: Array) -> str:
+    return base64.b64encode(values.astype("<f8").tobytes()).decode("ascii")
 
 
 def _of_region(region: Region) -> Json:
@@ -378,8 +392,8 @@ def _participant(value: Json) -> Participant:
         outline=at.read("outline", _region),
         is_static=at.read("is_static", _truth),
         states=at.read("states", _array(2)),
-        likely=at.read("likely", _several(_several(_region))),
-        possible=at.read("possible", _several(_several(_region))),
+        likely=at.read("likely", _occupancies),
+        possible=at.read("possible", _occupancies),
         assumptions=at.read("assumptions", _several(_text)),
         dropped=at.read("dropped", _several(_text)),
         basis=at.read("basis", _several(_text)),
@@ -389,6 +403,37 @@ def _participant(value: Json) -> Participant:
 def _region(value: Json) -> Region:
     at = _Place(value, "region", {"vertices", "radius"})
     return Region(at.read("vertices", _array(2)), at.read("radius", _number))
+
+
+def _occupancies(value: Json) -> Occupancies:
+    at = _Place(value, "occupancies", {"regions", "vertices", "radii", "points"})
+    per_step, sizes = at.read("regions", _several(_count)), at.read("vertices", _several(_count))
+    radii, points = at.read("radii", _unpacked), at.read("points", _unpacked)
+    if not sum(per_step) == len(sizes) == len(radii) or 2 * sum(sizes) != len(points):
+        raise CertificateError("'occupancies' has not as many numbers as it says")
+    ends = np.cumsum(sizes).tolist()
+    pairs = points.reshape(-1, 2)
+    found = iter(
+        Region(pairs[end - size : end], radius)
+        for end, size, radius in zip(ends, sizes, radii.tolist(), strict=True)
+    )
+    return tuple(tuple(next(found) for _ in range(count)) for count in per_step)
+
+
+def _count(value: Json) -> int:
+    if not 0 <= _integer(value) <= LARGEST_FILE:
+        raise _WrongKindError("is no number of things")
+    return int(value)
+
+
+def _unpacked(value: Json) -> Array:
+    try:
+        data = base64.b64decode(_text(value), validate=True)
+        found = np.frombuffer(data, dtype="<f8").astype(np.float64)
+    except ValueError:
+        raise _WrongKindError("is no base64 of doubles") from None
+    found.setflags(write=False)
+    return found
 
 
 def _trajectory(value: Json) -> Trajectory:

@@ -24,6 +24,8 @@ T = TypeVar("T")
 
 LARGEST = 1e7
 """No number is larger than this: coordinates, angles, speeds, durations."""
+SMALLEST = 1e-50
+"""No number but 0 is smaller than this: its square would be no normal double any more."""
 LONGEST = 100_000
 """No trajectory has more grid points, no prediction more steps."""
 MOST_RULES = 50
@@ -162,7 +164,7 @@ def _obstacle(o: Participant, horizon: int) -> Iterator[str]:
         yield f"{name}: its id, kind or is_static cannot be used"
     if not (_texts(o.assumptions) and _texts(o.dropped) and _texts(o.basis)):
         yield f"{name}: its assumptions are no texts"
-    if not _region(o.outline):
+    if not _regions([o.outline]):
         yield f"{name}: its outline is no region of finite numbers"
     if not _array(o.states, (None, 5), nan=True) or len(o.states) != horizon + 1:
         yield f"{name}: its states are no ({horizon + 1}, 5) array"
@@ -175,7 +177,7 @@ def _obstacle(o: Participant, horizon: int) -> Iterator[str]:
             not isinstance(occupancies, tuple)
             or len(occupancies) > LONGEST
             or not all(isinstance(step, tuple) for step in occupancies)
-            or not all(_region(region) for step in occupancies for region in step)
+            or not _regions([region for step in occupancies for region in step])
         ):
             yield f"{name}: a predicted region is no region of finite numbers"
 
@@ -188,7 +190,7 @@ def _members(several: object, kind: type[T]) -> tuple[T, ...]:
 def _number(value: object) -> bool:
     if isinstance(value, bool) or not isinstance(value, int | float):
         return False
-    return math.isfinite(value) and abs(value) <= LARGEST
+    return value == 0 or SMALLEST <= abs(value) <= LARGEST
 
 
 def _integer(value: object) -> bool:
@@ -214,15 +216,24 @@ def _array(value: object, shape: tuple[int | None, ...], nan: bool = False) -> b
     ):
         return False
     # Comparisons with NaN are false, so that NaN fails unless it is allowed.
-    sensible = np.abs(value) <= LARGEST
+    size = np.abs(value)
+    sensible = (size <= LARGEST) & ((size >= SMALLEST) | (size == 0.0))
     return bool((sensible | np.isnan(value)).all() if nan else sensible.all())
 
 
-def _region(value: object) -> bool:
-    return (
-        isinstance(value, Region)
-        and _number(value.radius)
-        and value.radius >= 0.0
-        and _array(value.vertices, (None, 2))
-        and len(value.vertices) >= 1
-    )
+def _regions(values: list[object]) -> bool:
+    """Whether all are regions of sensible numbers; there may be tens of thousands of them."""
+    if not all(
+        isinstance(r, Region)
+        and isinstance(r.vertices, np.ndarray)
+        and r.vertices.dtype == np.float64
+        and r.vertices.ndim == 2
+        and r.vertices.shape[1] == 2
+        and len(r.vertices) >= 1
+        and _number(r.radius)
+        and r.radius >= 0.0
+        for r in values
+    ):
+        return False
+    found = [r.vertices for r in values if isinstance(r, Region)]
+    return not found or _array(np.concatenate(found), (None, 2))

@@ -39,9 +39,10 @@ TOO_MUCH = 1.1
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Candidates:
-    """N samples, cheapest first: accelerations (N, h), plans, motion at the prediction's steps
-    and cost (N,), that of the clearance left out."""
+    """N samples, cheapest first: number of the profile (N,), its accelerations (N, h), plans,
+    motion at the prediction's steps and cost (N,), that of the clearance left out."""
 
+    profile: NDArray[np.int_]
     acceleration: Array
     plans: Plans
     motion: Motion
@@ -134,7 +135,8 @@ class Sampler:
     def _combined(self, accelerations: Array, plans: Plans) -> Candidates:
         """Every profile with every plan; those outside of the corridor are left out."""
         scene = self.ground.scene
-        chosen = np.repeat(accelerations, len(plans), axis=0)
+        profile = np.repeat(np.arange(len(accelerations)), len(plans))
+        chosen = accelerations[profile]
         pairs = plans.rows(np.tile(np.arange(len(plans)), len(accelerations)))
         motion = motions(scene, self.start, self._speeds(chosen, scene.dt), scene.dt, pairs)
         lateral = motion.speed**2 * (motion.bend + scene.frame.curvature(motion.s))
@@ -156,7 +158,9 @@ class Sampler:
         cost = self._costs(course)
         order = np.argsort(cost, kind="stable")
         rows = rows[order]
-        return Candidates(chosen[rows], pairs.rows(rows), motion.rows(rows), cost[order])
+        return Candidates(
+            profile[rows], chosen[rows], pairs.rows(rows), motion.rows(rows), cost[order]
+        )
 
     def _wanted_centre(self) -> float:
         """d of the centre of the lane that the pair aims at, at the corridor's last step [m]."""

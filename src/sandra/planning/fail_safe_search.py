@@ -265,7 +265,7 @@ class _Search:
         exits = []
         for area in self.shared.conflicts:
             s = frame.to_curvilinear(area)[:, 0]
-            if s.max() > s0 - half and s.min() < s0 + self.speed * LONGEST:
+            if s.max() > s0 - half and s.min() < s0 + half + self.speed * LONGEST:
                 exits.append(float(s.max()) + half + 0.3 - s0)
         profiles = []
         for distance in sorted(exits)[:4]:

@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 
 STEEPEST = 0.8
 """|d'(l)|, the sine of the angle to the lane, up to which paths are considered."""
+ASIDE = 0.4
+"""Besides the centre of a lane, paths aim this far to both sides of it [m]."""
 EDGE = 0.1
 """Targets keep this distance from the ends of an interval of the corridor, where it is wide [m]."""
 
@@ -75,9 +77,12 @@ def targets(corridor: ReachableSet, k: int, wanted: tuple[float, ...], count: in
 def simple_plans(corridor: ReachableSet, d0: float, wanted: tuple[float, ...], dt: float) -> Plans:
     """One move at once, of several durations; or one that begins later."""
     duration = corridor.horizon * dt
+    near = tuple(x + offset for x in wanted for offset in (-ASIDE, ASIDE))
     between = tuple((x + d0) / 2 for x in wanted)
-    ends = targets(corridor, corridor.horizon, (*wanted, d0, *between), 5)
-    rows = [(d, share * duration, 0.0, 0.0, 1.0) for d in ends for share in (0.5, 0.8, 1.2, 2.0)]
+    ends = targets(corridor, corridor.horizon, (*wanted, d0, *between, *near), 5)
+    rows = [
+        (d, share * duration, 0.0, 0.0, 1.0) for d in ends for share in (0.5, 0.75, 1.0, 1.5, 2.0)
+    ]
     rows += [
         (d0, 0.3 * duration, d - d0, begin * duration, share * duration)
         for d in ends

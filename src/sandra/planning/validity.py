@@ -24,7 +24,7 @@ CLEARANCE = 0.02
 """Distance that planned bodies keep from others, beyond what is needed [m]."""
 ROAD_MARGIN = 0.01
 """Distance that planned bodies keep from the border of the road, beyond what is needed [m]."""
-ROUGH = 0.1
+ROUGH = 0.3
 """Samples may leave the road by this much [m]: what is driven then may yet stay on it."""
 SLIT = 0.05
 """Gaps of up to twice this between neighbouring lanelets are no border of the road [m]."""

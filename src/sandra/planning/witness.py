@@ -34,6 +34,8 @@ BATCH = 12
 LARGEST_BATCH = 96
 MOST_DRIVEN = 60
 """So many candidates are driven with the model before the search is given up."""
+MOST_PER_PROFILE = 6
+"""So many of one acceleration profile are driven in vain in a stage of sampling."""
 MOST_ASKED = 8
 """So many valid trajectories are shown to `accept` before the search is given up."""
 COARSE_GAP = 0.01
@@ -155,16 +157,23 @@ class _Search:
         """Valid ones; within each stage of sampling roughly cheapest first."""
         for stage in range(self.sampler.stages):
             candidates = self.sampler.stage(stage)
+            failed: Counter[int] = Counter()
             begin, size = 0, BATCH
             while begin < len(candidates):
                 rows = np.arange(begin, min(begin + size, len(candidates)))
                 begin, size = begin + size, min(2 * size, LARGEST_BATCH)
                 for index in self._clear(candidates, rows):
+                    profile = int(candidates.profile[index])
                     if self.driven >= MOST_DRIVEN:
                         return
+                    if failed[profile] >= MOST_PER_PROFILE:
+                        self.counts["skipped"] += 1
+                        continue
                     found = self._drive(candidates, index)
                     if found is not None:
                         yield found
+                    else:
+                        failed[profile] += 1
 
     def _clear(self, candidates: Candidates, rows: NDArray[np.int_]) -> list[int]:
         """Those whose samples stay on the road and away from others, in order of full cost."""
@@ -248,6 +257,7 @@ class _Search:
 
 
 _WORDS = {
+    "skipped": "are like others that failed",
     "limits": "need too much lateral acceleration or are too steep",
     "corridor": "leave the corridor",
     "road": "leave the road with a part of the body",
