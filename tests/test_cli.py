@@ -79,11 +79,46 @@ def test_decide_json_keeps_the_contract(capsys: pytest.CaptureFixture[str]) -> N
     verified = [(v["longitudinal"], v["lateral"]) for v in data["verdicts"]]
     assert verified == ranked
     holds = [v for v in data["verdicts"] if v["status"] != "UNSAFE"]
-    if holds:
-        assert data["executed"]["longitudinal"] == holds[0]["longitudinal"]
-        assert data["executed"]["lateral"] == holds[0]["lateral"]
+    accepted = [v for v in data["verdicts"] if v["status"] == "CERTIFIED"]
+    assert len(accepted) <= len(holds)
+    if accepted:
+        assert data["executed"]["kind"] == "certified"
+        assert data["executed"]["longitudinal"] == accepted[0]["longitudinal"]
+        assert data["executed"]["lateral"] == accepted[0]["lateral"]
     else:
         assert data["executed"]["kind"] == "fail-safe"
+
+
+def test_accept_reachable_executes_the_first_reachable_pair(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(["decide", SCENARIO, "--accept", "reachable", "--json"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    holds = [v for v in data["verdicts"] if v["status"] == "REACHABLE"]
+    assert data["executed"]["kind"] == "reachable"
+    assert data["executed"]["longitudinal"] == holds[0]["longitudinal"]
+    assert data["executed"]["lateral"] == holds[0]["lateral"]
+
+
+def test_the_certificate_of_what_is_executed_is_accepted_by_the_checker(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "certificate.json"
+    words = ["--ranker", "exhaustive", "--walk", "first", "--certificate", str(path), "--json"]
+    assert main(["decide", "rural-oncoming", *words]) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert data["executed"]["kind"] == "certified"
+    assert data["certificate"] == str(path)
+    statuses = {(v["longitudinal"], v["lateral"]): v["status"] for v in data["verdicts"]}
+    executed = (data["executed"]["longitudinal"], data["executed"]["lateral"])
+    assert statuses[executed] == "CERTIFIED"
+    assert main(["certificate", "check", str(path), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["accepted"] is True
+    path.write_text(path.read_text().replace('"decelerate"', '"accelerate"'))
+    assert main(["certificate", "check", str(path)]) == 1
+    assert "rejected" in capsys.readouterr().out
+    path.write_text("{}")
+    assert main(["certificate", "check", str(path)]) == 2
 
 
 def test_decide_exits_0_also_when_the_fail_safe_is_chosen(
@@ -129,7 +164,9 @@ def test_the_picture_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert str(picture) in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("command", ["decide", "verify", "prompt", "scenarios", "demo"])
+@pytest.mark.parametrize(
+    "command", ["decide", "verify", "prompt", "certificate", "scenarios", "demo"]
+)
 def test_every_command_has_an_example_in_its_help(
     command: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -232,7 +269,6 @@ def test_200_megabytes_of_noise_are_refused_at_once(tmp_path: Path) -> None:
         (["verify", SCENARIO, "--all", "--prediction", "oracle"], "set-based"),
         (["decide", SCENARIO, "--settings", "nowhere.toml"], "nowhere.toml"),
         (["decide", SCENARIO, "--vocabulary", "nowhere.toml"], "nowhere.toml"),
-        (["decide", SCENARIO, "--accept", "certified"], "not there yet"),
         (["decide", SCENARIO, "--accept", "anything"], "reachable"),
         (["decide", SCENARIO, "--walk", "anything"], "ranked"),
         (["decide", SCENARIO, "--k", "0"], "k"),

@@ -29,7 +29,13 @@ def test_decide_and_verify_all_finish(
 ) -> None:
     scene = scenes.get(path) or scenes.setdefault(path, sandra.load(path))
     decision = sandra.decide(
-        scene, "rules", "drive faster", prediction=prediction, rules=rules, walk="all"
+        scene,
+        "rules",
+        "drive faster",
+        prediction=prediction,
+        rules=rules,
+        walk="all",
+        accept="reachable",
     )
     assert len(decision.verdicts) == 12
     for verdict in decision.verdicts:

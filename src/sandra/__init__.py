@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from sandra.actions import ALL_PAIRS, ActionPair, Lateral, Longitudinal
+    from sandra.decider import Decider
     from sandra.decision import Decision, decide
     from sandra.describe import Prompt, prompt
     from sandra.errors import SandraError
@@ -34,6 +35,7 @@ _HOME = {
     "ALL_PAIRS": "sandra.actions",
     "ActionPair": "sandra.actions",
     "Assumptions": "sandra.settings",
+    "Decider": "sandra.decider",
     "Decision": "sandra.decision",
     "Lateral": "sandra.actions",
     "Longitudinal": "sandra.actions",
@@ -63,6 +65,7 @@ __all__ = [
     "ALL_PAIRS",
     "ActionPair",
     "Assumptions",
+    "Decider",
     "Decision",
     "Lateral",
     "Longitudinal",

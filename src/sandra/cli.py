@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from sandra.errors import SandraError
 
 if TYPE_CHECKING:
+    from sandra.decision import Decision
     from sandra.logic import Vocabulary
     from sandra.scene import Scene
     from sandra.settings import Settings
@@ -57,6 +58,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_decide(commands)
     _add_verify(commands)
     _add_prompt(commands)
+    _add_certificate(commands)
     _add_scenarios(commands)
     _add_demo(commands)
     return parser
@@ -134,9 +136,12 @@ def _add_decide(commands: Any) -> None:
     _add_verification(parser)
     parser.add_argument(
         "--accept",
-        default="reachable",
+        default="certified",
         metavar="LEVEL",
-        help="weakest verdict that is executed: reachable (certified is not there yet)",
+        help="weakest verdict that is executed: certified, or reachable as in the paper",
+    )
+    parser.add_argument(
+        "--certificate", metavar="FILE", help="write the certificate of what is executed: .json"
     )
     parser.add_argument(
         "--walk",
@@ -181,6 +186,36 @@ def _add_scenarios(commands: Any) -> None:
     )
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.set_defaults(run=_scenarios)
+
+
+def _add_certificate(commands: Any) -> None:
+    parser = _command(
+        commands,
+        "certificate",
+        "check a certificate with code that neither planned nor verified it",
+        "sandra certificate check certificate.json",
+    )
+    actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
+    check = _command(
+        actions,
+        "check",
+        "derive every claim anew: exit status 0 accepted, 1 rejected, 2 unreadable",
+        "sandra certificate check certificate.json",
+    )
+    check.add_argument("file", metavar="FILE", help="what --certificate wrote")
+    check.add_argument("--json", action="store_true", help="print one JSON object")
+    parser.set_defaults(run=_check)
+
+
+def _check(arguments: argparse.Namespace) -> int:
+    from sandra.certificate import check_file
+
+    report = check_file(arguments.file)
+    if arguments.json:
+        _print_json(report.to_dict())
+    else:
+        print(report)
+    return 0 if report.accepted else 1
 
 
 def _add_demo(commands: Any) -> None:
@@ -233,8 +268,9 @@ def _decide(arguments: argparse.Namespace) -> int:
         progress=_progress,
     )
     figure = _figure(decision, arguments.figure)
+    written = _certificate(decision, arguments.certificate)
     if arguments.json:
-        _print_json({**decision.to_dict(), "figure": figure})
+        _print_json({**decision.to_dict(), "figure": figure, "certificate": written})
         return 0
     print(render(decision.prompt))
     print()
@@ -243,7 +279,19 @@ def _decide(arguments: argparse.Namespace) -> int:
     print(decision)
     if figure:
         print(f"  picture: {figure}")
+    if written:
+        print(f"  certificate: {written} (check it: sandra certificate check {written})")
+    elif arguments.certificate:
+        print("  certificate: none is written, what is executed has none")
     return 0
+
+
+def _certificate(decision: Decision, path: str | None) -> str | None:
+    if path is None or decision.certificate is None:
+        return None
+    from sandra.certificate import save
+
+    return str(save(decision.certificate, path))
 
 
 def _verify(arguments: argparse.Namespace) -> int:

@@ -11,10 +11,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from sandra.actions import ALL_PAIRS, ActionPair
+from sandra.certificate import Certificate
+from sandra.certify import Basis, Proven, certify
 from sandra.describe import Prompt, describe
 from sandra.errors import SettingsError
 from sandra.logic import Vocabulary
-from sandra.planning import Maneuver, full_braking, in_corridor
+from sandra.planning import Maneuver, Weights, full_braking, in_corridor
 from sandra.prediction import PredictionSource, predict
 from sandra.rankers import Ranker, Ranking, ask, create
 from sandra.reach import Ground, Status, Verdict, Verdicts, ground, verify_pair
@@ -27,7 +29,7 @@ if TYPE_CHECKING:
 DEFAULT_DEADLINE = 30.0
 """Seconds for a ranking, all attempts included."""
 
-ACCEPTANCE = ("reachable", "certified")
+ACCEPTANCE = ("certified", "reachable")
 WALKS = ("ranked", "first", "all")
 
 STAGES = ("describe", "rank", "predict", "verify", "plan")
@@ -55,6 +57,12 @@ class Decision:
         return self.verdicts.ground
 
     @property
+    def certificate(self) -> Certificate | None:
+        """The accepted certificate of what is executed; None if it has none."""
+        proof = None if self.executed is None else self.executed.proof
+        return proof.certificate if isinstance(proof, Proven) else None
+
+    @property
     def executed(self) -> Verdict | None:
         """The verdict of the pair that is executed; None for a fail-safe."""
         return None if self.maneuver.pair is None else self.verdicts[self.maneuver.pair]
@@ -77,7 +85,14 @@ class Decision:
             "accept": self.accept,
             "verdicts": self.verdicts.to_list(),
             "executed": self.maneuver.to_dict(),
-            "maneuver": {"note": self.maneuver.note, "states": self.maneuver.states.tolist()},
+            "maneuver": {
+                "note": self.maneuver.note,
+                "states": self.maneuver.states.tolist(),
+                "fail_safe_start": self.maneuver.fail_safe_start,
+                "fail_safe": None
+                if self.maneuver.fail_safe is None
+                else self.maneuver.fail_safe.tolist(),
+            },
             "durations_s": dict(self.durations_s),
         }
 
@@ -119,7 +134,8 @@ def decide(
     rules: Sequence[str] = (),
     horizon: int | None = None,
     k: int | None = None,
-    accept: str = "reachable",
+    accept: str = "certified",
+    decision_period: float | None = None,
     past: Sequence[ActionPair] = (),
     deadline: float = DEFAULT_DEADLINE,
     base_url: str | None = None,
@@ -137,7 +153,10 @@ def decide(
         command: the driver's wish in words; it can change the ranking, never a verdict.
         prediction: see `sandra.predict`.
         rules: names such as "R_G1", or LTLf formulas of your own.
-        accept: the weakest status that is executed: "reachable".
+        accept: the weakest status that is executed: "certified" (a trajectory with a fail-safe
+            continuation, accepted by the independent checker), or "reachable" (as in the paper).
+        decision_period: when the next decision is due [s], a multiple of `scene.dt`; default one
+            step. Until then a certified maneuver is driven, from then on its fail-safe holds.
         past: the pairs executed before, oldest first.
         deadline: seconds for the ranking, all attempts included.
         walk: "ranked" verifies every ranked pair, "first" stops at the first that holds, "all"
@@ -167,17 +186,17 @@ def decide(
     clock.start("verify")
     verdicts = _walk(base, ranking.pairs, rules, vocabulary, walk)
     clock.start("plan")
-    maneuver = _maneuver(scene, verdicts, ranking.pairs, settings)
+    weights = Weights.for_command(command)
+    basis = None
+    if accept == "certified":
+        basis = Basis.of(base, decision_period)
+        verdicts = _certified(basis, verdicts, ranking.pairs, vocabulary, weights, walk)
+    maneuver = _maneuver(verdicts, ranking.pairs, accept, basis)
     durations = clock.stop()
     return Decision(scene, prompt, ranking, verdicts, maneuver, accept, durations)
 
 
 def _check(accept: str, walk: str, deadline: float) -> None:
-    if accept == "certified":
-        raise SettingsError(
-            "accept = 'certified' is not there yet: no certificate can be made; "
-            "use accept = 'reachable' (--accept reachable)"
-        )
     if accept not in ACCEPTANCE:
         raise SettingsError(f"accept = {accept!r} must be one of {', '.join(ACCEPTANCE)}")
     if walk not in WALKS:
@@ -204,17 +223,67 @@ def _walk(
     return Verdicts(tuple(found), base, tuple(rules))
 
 
-def _maneuver(
-    scene: Scene, verdicts: Verdicts, ranked: Sequence[ActionPair], settings: Settings
-) -> Maneuver:
-    """The first ranked pair with a positive verdict, and a trajectory in its corridor."""
+def _certified(
+    basis: Basis,
+    verdicts: Verdicts,
+    ranked: Sequence[ActionPair],
+    vocabulary: Vocabulary | None,
+    weights: Weights,
+    walk: str,
+) -> Verdicts:
+    """Certify in the order of the ranking; unless all are asked for, until one is certified."""
+    found: list[Verdict] = []
+    done = False
     for verdict in verdicts:
-        if verdict.pair in ranked and verdict.status is not Status.UNSAFE:
+        if not done or walk == "all":
+            verdict = certify(basis, verdict, verdicts.rules, vocabulary, weights)
+        done = done or (verdict.status is Status.CERTIFIED and verdict.pair in ranked)
+        found.append(verdict)
+    return Verdicts(tuple(found), verdicts.ground, verdicts.rules)
+
+
+def _maneuver(
+    verdicts: Verdicts, ranked: Sequence[ActionPair], accept: str, basis: Basis | None
+) -> Maneuver:
+    """The first ranked pair that is accepted, else the fail-safe maneuver."""
+    ground = verdicts.ground
+    scene, settings = ground.scene, ground.settings
+    for verdict in verdicts:
+        if verdict.pair not in ranked:
+            continue
+        if isinstance(verdict.proof, Proven):
+            return _proven(verdict.pair, verdict.proof, scene.dt)
+        if accept == "reachable" and verdict.status is not Status.UNSAFE:
             corridor = verdict.reachable_set.corridor()
             maneuver = in_corridor(scene, verdict.pair, corridor, settings)
             if maneuver is not None:
                 return maneuver
-    return full_braking(scene, settings)
+    found = None if basis is None else basis.fail_safe_now()
+    if found is None:
+        return full_braking(scene, settings)
+    states = found.trajectory.every(scene.dt)
+    note = (
+        f"{found.strategy}, at most {found.deceleration:.1f} m/s^2, to a standstill; "
+        "keeps clear of the set-based prediction"
+    )
+    return Maneuver("fail-safe", None, states, scene.dt, note, states)
+
+
+def _proven(pair: ActionPair, proof: Proven, dt: float) -> Maneuver:
+    continuation = proof.fail_safe
+    note = (
+        f"certified until the next decision at {continuation.trajectory.start:g} s; from there "
+        f"{continuation.strategy}, at most {continuation.deceleration:.1f} m/s^2, to a standstill"
+    )
+    return Maneuver(
+        "certified",
+        pair,
+        proof.witness.every(dt),
+        dt,
+        note,
+        continuation.trajectory.every(dt),
+        continuation.trajectory.start,
+    )
 
 
 class _Clock:

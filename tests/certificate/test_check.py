@@ -15,9 +15,8 @@ import pytest
 import shapely
 
 import sandra.certificate
-from certified import DT, HORIZON, constant, drive, made, turning_scene
+from certified import DT, HORIZON, constant, made, turning_scene
 from reach_scenes import Course
-from sandra.actions import ActionPair
 from sandra.certificate import CONDITIONS, Certificate, Violation, certificate, check
 from sandra.certificate.form import LONGEST, MOST_RULES, _problems
 from sandra.certificate.types import Body, LaneOf, Pavement
@@ -395,8 +394,3 @@ def test_it_shares_no_code_with_what_it_checks() -> None:
             for name in names:
                 if name.startswith("sandra"):
                     assert any(name == x or name.startswith(x + ".") for x in allowed), (path, name)
-
-
-def test_the_pair_is_one_of_twelve() -> None:
-    assert ActionPair.parse("keep,follow-lane") == BASE.pair
-    assert drive([0, 0, 0, 1, 0], constant(0.0, 1)).states.shape == (2, 5)

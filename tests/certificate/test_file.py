@@ -19,9 +19,12 @@ from hypothesis import strategies as st
 
 from certified import made, turning_scene
 from sandra.certificate import Certificate, Report, check, check_file, load, save
-from sandra.certificate.file import LARGEST_FILE, from_json, to_json
+from sandra.certificate.file import LARGEST_FILE
+from sandra.certificate.reading import from_json
+from sandra.certificate.writing import to_json
 from sandra.errors import CertificateError
 from sandra.logic import Vocabulary
+from sandra.scene.types import Region
 from sandra.settings import Settings
 
 CERTIFICATE = made(turning_scene(0.02))
@@ -209,6 +212,7 @@ LEAVES = list(leaves(TREE))
 BRANCHES = sorted({path[:n] for path in LEAVES for n in range(1, len(path))}, key=str)
 FEW = [p for p in LEAVES if p[0] not in ("lanelets", "reference", "obstacles")]
 
+VERTEX = st.sampled_from([0.0, 1e-50, 12.0, -1e7, 1e7]) | st.floats(-1e7, 1e7) | st.floats(-30, 30)
 VALUES = st.one_of(
     st.floats(allow_nan=False, allow_infinity=False),
     st.floats(-100.0, 100.0),
@@ -236,6 +240,24 @@ def test_many_numbers_may_be_off(seed: int, size: float) -> None:
         if isinstance(place[path[-1]], float):
             place[path[-1]] += chance.gauss(0.0, size)
     _survives(tree)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.integers(0, 20),
+    st.lists(st.tuples(VERTEX, VERTEX), min_size=1, max_size=6),
+    st.just(0.0) | st.floats(1e-50, 1e7),
+)
+def test_a_region_may_be_anywhere(
+    k: int, vertices: list[tuple[float, float]], radius: float
+) -> None:
+    region = Region(np.array(vertices), radius)
+    obstacle = SMALL.obstacles[0]
+    steps = list(obstacle.possible)
+    steps[k] = (*steps[k], region)
+    likely = ((region,), *obstacle.likely[1:])
+    for changed in (replace(obstacle, possible=tuple(steps)), replace(obstacle, likely=likely)):
+        _survives(to_json(replace(SMALL, obstacles=(changed,))))
 
 
 def _survives(tree: Any) -> None:

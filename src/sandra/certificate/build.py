@@ -204,7 +204,7 @@ def _array(values: object) -> Array:
 
 
 def _tiny(values: Array) -> NDArray[np.bool_]:
-    return (np.abs(values) < ROUNDING) & (values != 0.0)
+    return np.asarray((np.abs(values) < ROUNDING) & (values != 0.0))
 
 
 def _own(vocabulary: Vocabulary | None) -> Mapping[str, Mapping[str, str]] | None:

@@ -49,7 +49,7 @@ STANDING = 1e-6
 """Speeds up to this are a standstill [m/s]."""
 CONFLICT_MARGIN = 0.02
 """Distance of the standing body from conflict areas [m]."""
-BATCH = 8
+BATCH = 3
 """So many trajectories are checked for collisions at once, mildest first."""
 GAP = 5.0
 """Clearances are measured up to this distance [m]."""
@@ -367,6 +367,7 @@ class _Search:
                     np.array([aim.target for aim in mine]),
                     np.array([aim.length for aim in mine]),
                     ego.wheelbase,
+                    strategies.room(lane, self.state, distance, ego),
                 )
                 picked = _distinct(along)
                 mine = [mine[i] for i in picked]

@@ -130,16 +130,25 @@ def _foot(curve: object, chord: Array, line: Array, point: Array) -> float:
     return u
 
 
-def paths(line: Guide, targets: Array, lengths: Array, wheelbase: float) -> Paths:
+def paths(
+    line: Guide,
+    targets: Array,
+    lengths: Array,
+    wheelbase: float,
+    within: tuple[float, float] = (-np.inf, np.inf),
+) -> Paths:
     """Paths that end parallel to the line.
 
     Args:
         targets: (M,) offsets at the end [m]; NaN: wherever the path comes to lie when it
-            straightens without coming back (about half way along its present direction).
+            straightens without coming back (about half way along its present direction), but
+            no further out of `within` than it starts.
         lengths: (M,) over which the offset is reached [m].
     """
     d0, d1, d2 = line.start
-    ends = np.where(np.isnan(targets), d0 + d1 * lengths / 2 + d2 * lengths**2 / 12, targets)
+    straight = d0 + d1 * lengths / 2 + d2 * lengths**2 / 12
+    straight = np.clip(straight, min(within[0], d0), max(within[1], d0))
+    ends = np.where(np.isnan(targets), straight, targets)
     d, slope, bend = _quintic((d0, d1, d2), ends, lengths, line.u)
     along = line.rate * (1.0 - line.curvature * d)
     along_change = line.rate_change * (1.0 - line.curvature * d) - line.rate * (

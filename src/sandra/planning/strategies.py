@@ -105,6 +105,13 @@ def edges(lane: Lane, s0: float, s1: float) -> tuple[float, float]:
     return found[0], found[1]
 
 
+def room(lane: Lane, state: Array, distance: float, ego: Ego) -> tuple[float, float]:
+    """Lowest and highest offset at which the body fits into the lane over a distance ahead [m]."""
+    s = float(lane.frame.to_curvilinear(state[None, :2])[0, 0])
+    right, left = edges(lane, s, s + distance)
+    return right + ego.width / 2 + TO_EDGE, left - ego.width / 2 - TO_EDGE
+
+
 def lengths(speed: float) -> tuple[float, ...]:
     """Lengths over which a lateral offset is reached [m]."""
     return tuple(dict.fromkeys(max(SHORTEST, speed * t) for t in DURATIONS))
@@ -129,14 +136,12 @@ def stopping_aims(scene: Scene, state: Array, now: Situation) -> list[Aim]:
 
 def evading_aims(ego: Ego, state: Array, now: Situation, distance: float) -> list[Aim]:
     """To either edge of the own lane, and half way, over the stopping distance [m]."""
-    s = float(now.home.frame.to_curvilinear(state[None, :2])[0, 0])
-    right, left = edges(now.home, s, s + distance)
-    room = (right + ego.width / 2 + TO_EDGE, left - ego.width / 2 - TO_EDGE)
+    right, left = room(now.home, state, distance, ego)
     return [
         Aim(EVADE, now.home, target, length)
-        for edge in room
+        for edge in (right, left)
         for target in (edge, edge / 2)
-        if abs(target) > TO_EDGE and room[0] <= room[1]
+        if abs(target) > TO_EDGE and right <= left
         for length in lengths(float(state[SPEED]))
     ]
 

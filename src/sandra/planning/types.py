@@ -17,7 +17,8 @@ class Maneuver:
     `kind`: "certified", "reachable" or "fail-safe". `pair` is None for a fail-safe. `states` is
     (n, 5): x [m], y [m], heading [rad], speed [m/s], acceleration [m/s^2], one row per `dt`; the
     acceleration of a row is that applied until the next. `note` says in words what it is, and
-    what has not been proven of it.
+    what has not been proven of it. `fail_safe` has the form of `states`, from the time
+    `fail_safe_start` [s] on: what is driven if no new decision comes by then; None: there is none.
     """
 
     kind: str
@@ -25,6 +26,8 @@ class Maneuver:
     states: NDArray[np.float64]
     dt: float
     note: str
+    fail_safe: NDArray[np.float64] | None = None
+    fail_safe_start: float = 0.0
 
     def to_dict(self) -> dict[str, str | None]:
         """The `executed` entry of the JSON contract; a fail-safe is no action pair."""
@@ -48,6 +51,16 @@ class Trajectory:
     inputs: NDArray[np.float64]
     tau: float
     start: float = 0.0
+
+    def every(self, dt: float) -> NDArray[np.float64]:
+        """(m, 5) x, y, heading, speed, acceleration, one row per `dt`, the last state included.
+
+        `dt` is a multiple of `tau`.
+        """
+        stride = max(1, round(dt / self.tau))
+        index = np.unique(np.append(np.arange(0, len(self.states), stride), len(self.inputs)))
+        acceleration = self.inputs[np.minimum(index, len(self.inputs) - 1), 0]
+        return np.column_stack([self.states[index, :4], acceleration])
 
     @property
     def end(self) -> float:

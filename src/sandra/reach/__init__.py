@@ -6,7 +6,7 @@ from sandra.reach.lattice import Lattice
 from sandra.reach.polygon import Polygon
 from sandra.reach.problem import Piece, Problem
 from sandra.reach.sets import BaseSet, ReachableSet
-from sandra.reach.verdict import Status, Verdict, Verdicts
+from sandra.reach.verdict import Proof, Status, Verdict, Verdicts
 from sandra.reach.verify import compute, verify, verify_on, verify_pair
 
 __all__ = [
@@ -16,6 +16,7 @@ __all__ = [
     "Piece",
     "Polygon",
     "Problem",
+    "Proof",
     "ReachableSet",
     "Status",
     "Verdict",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import Enum
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from sandra.actions import ActionPair
 from sandra.logic import Specification
@@ -27,13 +27,25 @@ class Status(Enum):
     """A trajectory with a fail-safe continuation was accepted by an independent checker."""
 
 
+class Proof(Protocol):
+    """A certificate with the answer of the independent checker (`sandra.certify.Proven`)."""
+
+    @property
+    def accepted(self) -> bool:
+        """Whether the checker accepted it."""
+        ...
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Verdict:
     """What the verifier says of one pair, and why.
 
+    `reason` says what emptied the set of an UNSAFE pair, or, where a certificate was asked for, why
+    a REACHABLE pair has none.
+
     Raises:
-        ValueError: if a positive status is claimed without the set that proves it, or for another
-            number of steps.
+        ValueError: if a positive status is claimed without the set, or the accepted certificate,
+            that proves it.
     """
 
     pair: ActionPair
@@ -42,13 +54,15 @@ class Verdict:
     reachable_set: ReachableSet
     reason: str | None
     duration_s: float
+    proof: Proof | None = None
 
     def __post_init__(self) -> None:
         empty = self.reachable_set.first_empty_step
-        if self.status is Status.CERTIFIED:
-            raise ValueError("CERTIFIED needs an accepted certificate; there is none yet")
-        if (self.status is Status.REACHABLE) != (empty is None):
+        if (self.status is Status.UNSAFE) != (empty is not None):
             raise ValueError(f"{self.pair}: {self.status.value} contradicts its reachable set")
+        proven = self.proof is not None and self.proof.accepted is True
+        if (self.status is Status.CERTIFIED) != proven:
+            raise ValueError(f"{self.pair}: {self.status.value} contradicts its certificate")
 
     @property
     def first_empty_step(self) -> int | None:

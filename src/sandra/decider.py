@@ -1,0 +1,127 @@
+"""Decisions over many cycles: the last accepted fail-safe is carried until a new one replaces it.
+
+Method 6 (induction): at each cycle the fail-safe of the last accepted certificate is still valid.
+A new maneuver is driven only with a certificate of its own; otherwise the old fail-safe goes on. A
+start without any certificate is driven by an emergency layer that proves nothing, says so, and ends
+with the first certificate.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from enum import Enum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sandra.actions import ActionPair
+from sandra.certify import Proven
+from sandra.decision import Decision, decide
+from sandra.errors import SettingsError
+from sandra.planning import Maneuver, Trajectory
+from sandra.rankers import Ranker, as_ranker
+from sandra.scene.types import Scene
+
+
+class Operation(Enum):
+    """By what the ego is driven."""
+
+    CERTIFIED = "certified"
+    """A maneuver with an accepted certificate of this cycle."""
+    CARRIED = "carried"
+    """The fail-safe of the last accepted certificate."""
+    EMERGENCY = "emergency"
+    """No certificate has been accepted yet: the best that was found, nothing is proven."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Carried:
+    """An accepted fail-safe, and how long ago its certificate began [s]."""
+
+    fail_safe: Trajectory
+    strategy: str
+    age: float
+
+    def states(self, dt: float) -> NDArray[np.float64]:
+        """(n, 5) x, y, heading, speed, acceleration from now on; at its end the ego stands."""
+        rows = self.fail_safe.every(self.fail_safe.tau)
+        first = round((self.age - self.fail_safe.start) / self.fail_safe.tau)
+        kept = rows[min(max(first, 0), len(rows) - 1) :: max(1, round(dt / self.fail_safe.tau))]
+        last = rows[-1:] * np.array([1.0, 1.0, 1.0, 1.0, 0.0])
+        return np.vstack([kept, last])
+
+
+@dataclass(frozen=True, slots=True)
+class Memory:
+    """All that a cycle takes over from those before."""
+
+    carried: Carried | None = None
+    past: tuple[ActionPair, ...] = ()
+    cycles: int = 0
+
+
+class Decider:
+    """Decides cycle after cycle.
+
+    Args:
+        ranker: as in `sandra.decide`; made once.
+        period: time between two decisions [s], a multiple of `scene.dt`; default one step.
+        options: passed on to `sandra.decide`, except `accept`, `past` and `decision_period`.
+    """
+
+    def __init__(
+        self,
+        ranker: str | Ranker = "rules",
+        command: str | None = None,
+        *,
+        period: float | None = None,
+        **options: Any,
+    ) -> None:
+        taken = {"accept", "past", "decision_period"} & set(options)
+        if taken:
+            raise SettingsError(f"a Decider sets {', '.join(sorted(taken))} itself: leave it out")
+        self._ranker = as_ranker(ranker)
+        self._command = command
+        self._period = period
+        self._options = options
+        self.memory = Memory()
+        self.operation = Operation.EMERGENCY
+
+    def decide(self, scene: Scene) -> Decision:
+        """The decision for the scene as it is one period after the one before.
+
+        Its maneuver is certified, or the carried fail-safe, or that of the emergency layer;
+        `operation` says which.
+        """
+        period = scene.dt if self._period is None else self._period
+        decision = decide(
+            scene,
+            self._ranker,
+            self._command,
+            accept="certified",
+            past=self.memory.past,
+            decision_period=period,
+            **self._options,
+        )
+        carried = self.memory.carried
+        if carried is not None:
+            carried = replace(carried, age=carried.age + period)
+        proof = None if decision.executed is None else decision.executed.proof
+        past = self.memory.past
+        if isinstance(proof, Proven) and decision.maneuver.pair is not None:
+            self.operation = Operation.CERTIFIED
+            carried = Carried(proof.fail_safe.trajectory, proof.fail_safe.strategy, 0.0)
+            past = (*past, decision.maneuver.pair)
+        elif carried is not None:
+            self.operation = Operation.CARRIED
+            states = carried.states(scene.dt)
+            note = f"the fail-safe of the last certificate goes on: {carried.strategy}"
+            maneuver = Maneuver("fail-safe", None, states, scene.dt, note, states)
+            decision = replace(decision, maneuver=maneuver)
+        else:
+            self.operation = Operation.EMERGENCY
+            note = f"emergency, no certificate has been accepted yet: {decision.maneuver.note}"
+            decision = replace(decision, maneuver=replace(decision.maneuver, note=note))
+        self.memory = Memory(carried, past, self.memory.cycles + 1)
+        return decision
