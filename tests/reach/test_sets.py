@@ -114,11 +114,11 @@ def test_only_what_can_still_accept_is_kept(text: str) -> None:
 def test_the_last_letter_asks_for_the_last_acceleration() -> None:
     scene = Course().scene()
     base = ground(scene, prediction(scene, 3), Settings(horizon=3))
-    spec = specification(ActionPair.parse("keep,follow-lane"), ("F G(a > 5)",))
+    spec = specification(ActionPair.parse("keep,follow-lane"), ("G(a < -1 | a > 1)", "F G(a > 1)"))
     spec = Specification(spec.pair, spec.parts[2:])
     found = compute(base, spec)
-    # two steps with anything from -6 to 6 m/s^2, then one with more than 5
-    assert min(b.speeds[0] for b in found.steps[3]) == pytest.approx(10.0 - 1.2 + 0.5)
+    # two steps with anything from -6 to 6 m/s^2, then one with more than 1
+    assert min(b.speeds[0] for b in found.steps[3]) == pytest.approx(10.0 - 1.2 + 0.1)
     assert max(b.speeds[1] for b in found.steps[3]) == pytest.approx(10.0 + 1.8)
 
 

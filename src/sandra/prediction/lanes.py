@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,8 @@ EXTENSION_CELL = 4.0
 """Longest cell beyond the end of the map [m]."""
 STRAIGHT = 0.15
 """Borders of a slice leave its chords by at most this [m]."""
+END_CELLS = 8
+"""A slice ends so many cells from either end of a lanelet."""
 BACKWARD_EXTENSION = 20.0
 """How far a lanelet without predecessor is continued backwards, for long bodies [m]."""
 START_ERROR = 0.1
@@ -328,7 +331,22 @@ def _end_direction(right: Array, left: Array) -> Array:
 
 
 def _slices(right: Array, left: Array) -> list[Slice]:
-    """Greedy: each slice as long as both borders stay within STRAIGHT of their chords."""
+    """Greedy: each slice as long as both borders stay within STRAIGHT of their chords.
+
+    Lanelets begin and end where the road widens; slices end there too, so that what lies beyond
+    one end does not loosen the bounds of the rest.
+    """
+    total = len(right)
+    marks = [i for i in (END_CELLS, total - 1 - END_CELLS) if END_CELLS <= i < total - 1]
+    found: list[Slice] = []
+    for low, high in pairwise([0, *sorted(set(marks)), total - 1]):
+        part = slice(low, high + 1)
+        for x in _straight_slices(right[part], left[part]):
+            found.append(replace(x, first=x.first + low, last=x.last + low))
+    return found
+
+
+def _straight_slices(right: Array, left: Array) -> list[Slice]:
     slices = []
     first, n = 0, len(right)
     while first < n - 1:

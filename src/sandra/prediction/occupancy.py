@@ -158,8 +158,10 @@ class Follower:
                 across = np.array([-part.along[1], part.along[0]])
                 limits = _limits(strip, part, across, [stretch for _, stretch in wanted])
                 low, high = _support_near(road, part, across, self.radius)
-                low -= 0.0 if strip.right_id in shut else overhang
-                high += 0.0 if strip.left_id in shut else overhang
+                sides = part.hull @ across
+                # A lane that is shut ends the body at its border, whatever road lies beyond it.
+                low = sides.min() if strip.right_id in shut else low - overhang
+                high = sides.max() if strip.left_id in shut else high + overhang
                 if {strip.right_id, strip.left_id} & shut:
                     self.relied_on.add("legal_cut_in")
                 for (row, _), limit in zip(wanted, limits, strict=True):
