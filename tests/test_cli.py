@@ -105,7 +105,7 @@ def test_the_certificate_of_what_is_executed_is_accepted_by_the_checker(
 ) -> None:
     path = tmp_path / "certificate.json"
     words = ["--ranker", "exhaustive", "--walk", "first", "--certificate", str(path), "--json"]
-    assert main(["decide", "rural-oncoming", *words]) == 0
+    assert main(["decide", SCENARIO, *words]) == 0
     data = json.loads(capsys.readouterr().out)
     assert data["executed"]["kind"] == "certified"
     assert data["certificate"] == str(path)
@@ -305,7 +305,7 @@ def test_missing_api_key(
 def test_a_horizon_beyond_the_recording_says_what_is_assumed(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    assert main(["verify", SCENARIO, "--all", "--horizon", "75", "--json"]) == 0
+    assert main(["verify", "roadworks", "--all", "--horizon", "75", "--json"]) == 0
     assumed = json.loads(capsys.readouterr().out)["assumed"]
     assert any("keep its velocity" in note or "keep their velocity" in note for note in assumed)
 

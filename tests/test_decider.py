@@ -50,7 +50,7 @@ def collides(scene: Scene) -> bool:
 
 
 def test_a_lost_ranker_ends_in_the_carried_fail_safe_at_a_standstill() -> None:
-    scene = sandra.load(sandra.example("rural-oncoming"))
+    scene = sandra.load(sandra.example("roadworks"))
     decider = Decider("exhaustive", horizon=15)
     decision = decider.decide(scene)
     assert decider.operation is Operation.CERTIFIED
@@ -69,7 +69,7 @@ def test_a_lost_ranker_ends_in_the_carried_fail_safe_at_a_standstill() -> None:
 
 
 def test_certified_cycles_follow_each_other() -> None:
-    scene = sandra.load(sandra.example("rural-oncoming"))
+    scene = sandra.load(sandra.example("roadworks"))
     decider = Decider("exhaustive", horizon=15)
     for cycle in range(5):
         decision = decider.decide(scene)

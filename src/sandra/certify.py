@@ -20,6 +20,11 @@ from sandra.prediction import Prediction, predict
 from sandra.reach import Ground, Status, Verdict
 
 
+MILDEST = 4.0
+"""The prediction lasts long enough for braking this mild; milder ones are tried as far as it goes
+[m/s^2]."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Proven:
     """A witness up to the next decision, its fail-safe continuation, and what the checker says."""
@@ -53,7 +58,7 @@ class Basis:
         """Prepare a ground; the next decision is due after one step unless `t_dec` says else."""
         scene, settings = ground.scene, ground.settings
         due = scene.dt if t_dec is None else t_dec
-        steps = fail_safe_horizon(scene, settings, due)
+        steps = fail_safe_horizon(scene, settings, due, MILDEST)
         given = ground.prediction
         if given.kind == "set-based" and given.horizon >= steps:
             set_based = given

@@ -87,6 +87,37 @@ def test_cells_forbidden_by_obstacles_collide_for_sure(course: Course) -> None:
     assert seen > 200
 
 
+@pytest.mark.parametrize("step", [5.0, 8.0])
+def test_cells_bulge_where_the_reference_line_has_a_corner(step: float) -> None:
+    """Long cells over corners of 0.25 rad: their image is not the hull of its four corners."""
+    course = Course(-0.25 / step, step)
+    rng = np.random.default_rng(8)
+    slab = Region.rectangle(14.0, 1.0)
+    stones = [
+        course.car(i, s, d, angle=angle, outline=slab)
+        for i, (s, d, angle) in enumerate(
+            rng.uniform([3.0, -5.0, -0.1], [45.0, 5.0, 0.1], (200, 3)), start=2
+        )
+    ]
+    scene = course.scene(obstacles=stones, speed=15.0)
+    base = ground(scene, prediction(scene, 25), Settings(horizon=25, cell_s=2.0, cell_d=0.4))
+    radius = scene.ego.width / 2
+    lattice = base.lattice
+    marks = scene.frame.stations
+    worst = -np.inf
+    for obstacle, steps in zip(base.prediction.obstacles, base.by_obstacle, strict=True):
+        region = obstacle.at[0][0]
+        for i0, _, j0, _, mask in steps[0]:
+            for i, j in np.argwhere(mask) + np.array([i0, j0]):
+                low, high, down, up = lattice.bounds((i, i + 1, j, j + 1))
+                s = marks[(marks >= low) & (marks <= high)]
+                at = np.array([(x, d) for x in [*s, low, high] for d in (down, up)])
+                xy = scene.frame.to_cartesian(at)
+                away = shapely.distance(shapely.Polygon(region.vertices), shapely.points(xy))
+                worst = max(worst, float(away.max()))
+    assert worst <= radius + 1e-9
+
+
 @pytest.mark.parametrize("course", COURSES)
 def test_cells_off_the_road_cross_its_border_for_sure(course: Course) -> None:
     base = crowded(course)

@@ -1,5 +1,7 @@
 """Regions: a state of which a predicate is true (or false) by its definition is admitted."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -20,7 +22,11 @@ def bent(kappa: float, step: float) -> Ground:
     course = Course(kappa, step)
     places = {2: (18.0, 0.2, 4.0), 3: (12.0, 3.0, 9.0), 4: (30.0, 0.4, 0.0), 5: (22.0, -3.5, 6.0)}
     cars = [course.car(i, s, d, v) for i, (s, d, v) in places.items()]
-    lanes = (*course.lanes(limit=13.0), course.lane("opposite", 120, 8.75, 5.25, limit=13.0))
+    own = [
+        replace(x, speed_limits=(20.0,)) if x.relation == "left" else x
+        for x in course.lanes(limit=13.0)
+    ]
+    lanes = (*own, course.lane("opposite", 120, 8.75, 5.25, limit=13.0))
     scene = course.scene(lanes, cars, angle=0.05)
     return ground(scene, prediction(scene, 20), Settings(horizon=20))
 
@@ -108,10 +114,23 @@ def test_regions_tell_states_apart(text: str) -> None:
     truth = world.truth(atom, states, world.positions(states), world.headings(states, 7, rng), 7)
     kept = [admits(regions((0, True), 7, [tuple(x[:2])], [tuple(x[2:])]), x) for x in states]
     wrong = np.mean(np.array(kept)[~truth]) if (~truth).any() else 0.0
-    assert wrong < 0.35, wrong
+    # the loosest limit of all lanes counts, so limits tell least
+    assert wrong < (0.6 if text == "keeps_lane_speed_limit" else 0.35), wrong
     if text.startswith("in_lane("):
         out = [admits(regions((0, False), 7, [tuple(x[:2])], [tuple(x[2:])]), x) for x in states]
         assert np.mean(np.array(out)[truth]) < 0.5
+
+
+def test_a_leader_counts_as_soon_as_the_disc_touches_its_lane() -> None:
+    """0.9 m: the inscribed disc's radius. The left lane begins at d = 1.75 m."""
+    course = Course()
+    scene = course.scene(obstacles=[course.car(2, 8.0, 3.5)])
+    base = ground(scene, prediction(scene, 5), Settings(horizon=5))
+    regions = regions_of(base, (Predicate("keeps_safe_distance", "preceding"),))
+    s, v = base.lon[0]
+    for d, free in ((0.7, True), (0.95, False), (1.5, False), (3.5, False), (6.0, False)):
+        region = regions((0, True), 2, [(s, v)], [(d, 0.0)])
+        assert admits(region, np.array([s, v, d, 0.0])) == free, d
 
 
 @pytest.mark.parametrize("text", ["in_lane(none)", "in_lanelet(999)", "no_such_thing", "in_lane"])

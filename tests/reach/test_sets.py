@@ -1,5 +1,7 @@
 """Sets: area, corridor, membership."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import shapely
@@ -67,16 +69,20 @@ def test_corridor(pair: str) -> None:
 
 
 def test_corridor_keeps_the_right_parents() -> None:
-    """The parents of the corridor are those of the set: the same polygons."""
-    whole = reach("decelerate,left-lane")
+    """The parents of the corridor are those of the set, although much of the set is pruned."""
+    steps = (
+        tuple(base_set(i, i + 1.0, -1.0, 1.0) for i in range(3)),
+        tuple(replace(base_set(i, i + 1.5, -1.0, 1.0), parents=(i % 3,)) for i in range(5)),
+        tuple(replace(base_set(i, i + 2.0, -1.0, 1.0), parents=(4, i)) for i in (2, 1)),
+    )
+    whole = ReachableSet(steps, 2, LATTICE)
     corridor = whole.corridor()
-    for k in range(1, len(corridor.steps)):
-        for b in corridor.steps[k]:
-            (old,) = (
-                x for x in whole.steps[k] if (x.lon, x.lat, x.label) == (b.lon, b.lat, b.label)
-            )
-            mine = {str(corridor.steps[k - 1][p].lon) for p in b.parents}
-            assert mine == {str(whole.steps[k - 1][p].lon) for p in old.parents}
+    # of step 1 only 1, 2 and 4 have children; they have the parents 1 and 2 at step 0
+    assert [len(step) for step in corridor.steps] == [2, 3, 2]
+    assert [b.rectangle[0] for b in corridor.steps[0]] == [1.0, 2.0]
+    assert [b.rectangle[0] for b in corridor.steps[1]] == [1.0, 2.0, 4.0]
+    assert [b.parents for b in corridor.steps[1]] == [(0,), (1,), (0,)]
+    assert [b.parents for b in corridor.steps[2]] == [(2, 1), (2, 0)]
 
 
 def test_parents_lead_to_their_children() -> None:

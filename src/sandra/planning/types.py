@@ -59,7 +59,8 @@ class Trajectory:
         """
         stride = max(1, round(dt / self.tau))
         index = np.unique(np.append(np.arange(0, len(self.states), stride), len(self.inputs)))
-        acceleration = self.inputs[np.minimum(index, len(self.inputs) - 1), 0]
+        inputs = np.vstack([self.inputs, self.inputs[-1:], np.zeros((1, 2))])  # if it only stands
+        acceleration = inputs[index, 0]
         return np.column_stack([self.states[index, :4], acceleration])
 
     @property
