@@ -436,7 +436,8 @@ def fly(
         alive[alive] = world.free(states[alive], k)
         truths = np.zeros((len(dfa.atoms), n), dtype=bool)
         xy = world.positions(states)
-        heading = world.headings(states, k, rng)
+        bodies = any(isinstance(a, Predicate) and a.name.startswith("in_lane") for a in dfa.atoms)
+        heading = world.headings(states, k, rng) if bodies else np.zeros(n)
         rows = np.flatnonzero(alive)
         for i, atom in enumerate(dfa.atoms):
             if atom in of_input:
