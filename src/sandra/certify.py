@@ -19,7 +19,6 @@ from sandra.planning.witness import Miss, Surroundings, start_state, witness
 from sandra.prediction import Prediction, predict
 from sandra.reach import Ground, Status, Verdict
 
-
 MILDEST = 4.0
 """The prediction lasts long enough for braking this mild; milder ones are tried as far as it goes
 [m/s^2]."""

@@ -63,7 +63,7 @@ def street(**changes: Any) -> Scene:
 @pytest.fixture(scope="module")
 def decision() -> Decision:
     ranker = Fixed("accelerate,follow-lane", "keep,follow-lane", "decelerate,follow-lane")
-    return decide(street(), ranker, "drive faster", horizon=HORIZON)
+    return decide(street(), ranker, "drive faster", horizon=HORIZON, accept="reachable")
 
 
 @pytest.fixture
@@ -200,7 +200,7 @@ def test_hostile_words(decision: Decision, pages: list[Page], tmp_path: Path) ->
 
 def test_nothing_ranked(pages: list[Page], tmp_path: Path) -> None:
     ranker = Fixed(failure=Failure.TIMEOUT, detail="no answer within 30 s")
-    decision = decide(street(), ranker, horizon=HORIZON)
+    decision = decide(street(), ranker, horizon=HORIZON, accept="reachable")
     decision_figure(decision, tmp_path / "d.png", dpi=60)
     assert len(pages[0].figure.axes) == 3
     shown = words(pages[0])

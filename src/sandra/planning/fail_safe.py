@@ -40,10 +40,11 @@ def full_braking(scene: Scene, settings: Settings) -> Maneuver:
     along = np.maximum(v_s + braking * t_s, 0.0)
     across = v_d - sign * settings.a_lat_max * t_d
     points = scene.frame.to_cartesian(path)
+    # Along the path itself, not along the reference line.
+    along *= np.maximum(1.0 - scene.frame.curvature(path[:, 0]) * path[:, 1], 0.0)
     relative = np.array(
         [atan2(a, max(b, 1e-6)) if b > 0.1 else 0.0 for a, b in zip(across, along, strict=True)]
     )
-    relative[0] = heading
     acceleration = np.where(along > 1e-9, braking, 0.0)
     states = np.column_stack(
         [
@@ -53,6 +54,8 @@ def full_braking(scene: Scene, settings: Settings) -> Maneuver:
             acceleration,
         ]
     )
+    start = scene.ego.state
+    states[0, :4] = start.x, start.y, start.heading, start.speed
     note = (
         f"full braking in the lane with {braking:g} m/s^2 to a standstill after "
         f"{path[-1, 0] - s:.1f} m; not proven collision-free"
