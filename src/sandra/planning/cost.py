@@ -22,7 +22,7 @@ class Weights:
 
     jerk: float = 1.0
     lateral: float = 1.0
-    centre: float = 1.0
+    centre: float = 4.0
     speed: float = 1.0
     change: float = 0.3
     clearance: float = 2.0

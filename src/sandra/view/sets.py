@@ -39,20 +39,23 @@ def draw_sets(ax: Any, positions: list[shapely.Geometry], horizon: int, colours:
 def draw_trajectory(
     ax: Any, view: View, maneuver: Maneuver, horizon: int, colours: Any, *, every: int = 5
 ) -> None:
-    """The planned path; its dots have the colour of their time step."""
+    """The planned path, and the fail-safe one; dots have the colour of their time step."""
     from matplotlib.patheffects import Normal, withStroke
 
     line = view.points(maneuver.states)
-    fail_safe = maneuver.pair is None
-    ax.plot(
-        line[:, 0],
-        line[:, 1],
-        color=palette.FAIL_SAFE if fail_safe else palette.TRAJECTORY,
-        linewidth=1.5,
-        linestyle=(0, (4, 1.5)) if fail_safe else "-",
-        zorder=6.0,
-        path_effects=[withStroke(linewidth=2.8, foreground=palette.PAPER), Normal()],
-    )
+    paths = [(line, maneuver.pair is None)]
+    if maneuver.pair is not None and maneuver.fail_safe is not None:
+        paths.append((view.points(maneuver.fail_safe), True))
+    for path, fail_safe in paths:
+        ax.plot(
+            path[:, 0],
+            path[:, 1],
+            color=palette.FAIL_SAFE if fail_safe else palette.TRAJECTORY,
+            linewidth=1.5,
+            linestyle=(0, (4, 1.5)) if fail_safe else "-",
+            zorder=6.0,
+            path_effects=[withStroke(linewidth=2.8, foreground=palette.PAPER), Normal()],
+        )
     steps = np.arange(0, len(line), every)
     ax.scatter(
         line[steps, 0],

@@ -126,6 +126,8 @@ def _entries(content: Content, view: View, window: Window) -> list[tuple[str, st
             if safe
             else ("trajectory", "planned path, dot: 5 steps")
         )
+        if not safe and content.maneuver.fail_safe is not None:
+            entries.append(("fail-safe", "fail-safe path, if no new decision comes"))
     if content.base.prediction.obstacles:
         entries.append(("occupancy", "where others may be until the horizon"))
     if content.rows:

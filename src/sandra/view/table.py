@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from sandra.reach import Verdict
+from sandra.reach import Status, Verdict
 from sandra.view import palette
 from sandra.view.lettering import fitted, wrapped
 from sandra.view.page import Page, line_height
@@ -95,7 +95,8 @@ def _reason(row: Row, width: float) -> list[str]:
     if text is None and row.verdict.first_empty_step is not None:
         text = "the cause was not asked for"
     elif text is None:
-        text = "non-empty through the horizon"
+        certified = row.verdict.status is Status.CERTIFIED
+        text = "certificate accepted" if certified else "non-empty through the horizon"
         if row.executed:
             text += "; executed"
         elif row.passed_over:
