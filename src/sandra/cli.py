@@ -392,9 +392,7 @@ def _scene(arguments: argparse.Namespace, settings: Settings) -> Scene:
 
     known = examples()
     given = Path(arguments.scenario)
-    path = (
-        known[arguments.scenario] if not given.exists() and arguments.scenario in known else given
-    )
+    path = given if given.exists() else known.get(arguments.scenario, given)
     return load(path, planning_problem=arguments.problem, settings=settings)
 
 

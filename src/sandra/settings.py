@@ -191,7 +191,7 @@ class Settings:
         import pydantic
 
         try:
-            adapter = pydantic.TypeAdapter(Settings, config=None)
+            adapter = pydantic.TypeAdapter(Settings)
             _reject_unknown(data, path)
             return adapter.validate_python(data)
         except pydantic.ValidationError as error:

@@ -45,9 +45,7 @@ def relation(scene: Scene, obstacle: Obstacle, heading: float) -> str:
             return "crossing"
     if lanes:
         return _name(lanes[0])
-    if any(
-        inside(np.vstack([lanelet.right, lanelet.left[::-1]]), point) for lanelet in scene.lanelets
-    ):
+    if any(inside(lanelet.outline, point) for lanelet in scene.lanelets):
         return "other"
     return "off-lane"
 

@@ -9,15 +9,10 @@ either; whether the ego may be there at all is decided by its road and collision
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
-from sandra.scene.types import Lanelet, Scene
-
-if TYPE_CHECKING:
-    from shapely import Polygon
+from sandra.scene.types import Scene
 
 Array = NDArray[np.float64]
 
@@ -42,10 +37,10 @@ def conflict_areas(scene: Scene) -> list[Array]:
     incoming = {i for lane in scene.incoming for i in lane.lanelets} - own
     if not incoming:
         return []
-    own_areas = [_area(by_id[i]) for i in sorted(own)]
+    own_areas = [by_id[i].area() for i in sorted(own)]
     pieces = []
     for i in sorted(incoming):
-        area = _area(by_id[i])
+        area = by_id[i].area()
         low_x, low_y, high_x, high_y = area.bounds
         for mine in own_areas:
             x0, y0, x1, y1 = mine.bounds
@@ -58,9 +53,3 @@ def conflict_areas(scene: Scene) -> list[Array]:
     )
     parts = getattr(opened, "geoms", [opened])
     return [np.asarray(part.exterior.coords)[:-1] for part in parts if not part.is_empty]
-
-
-def _area(lanelet: Lanelet) -> Polygon:
-    from shapely import Polygon
-
-    return Polygon(np.vstack([lanelet.right, lanelet.left[::-1]])).buffer(0)

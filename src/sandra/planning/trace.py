@@ -53,11 +53,7 @@ class Lanes:
 def _areas(ground: Ground, lanelets: tuple[int, ...]) -> tuple[Any, Any]:
     import shapely
 
-    parts = [
-        shapely.Polygon(np.vstack([x.right, x.left[::-1]])).buffer(0)
-        for x in ground.scene.lanelets
-        if x.id in lanelets
-    ]
+    parts = [x.area() for x in ground.scene.lanelets if x.id in lanelets]
     area = shapely.union_all(parts)
     shrunk, grown = area.buffer(-TOUCH_MARGIN), area.buffer(TOUCH_MARGIN)
     shapely.prepare(shrunk)

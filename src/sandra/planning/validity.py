@@ -252,9 +252,7 @@ class Road:
         """The road within `reach` of the ego [m]."""
         import shapely
 
-        polygons = [
-            shapely.Polygon(np.vstack([x.right, x.left[::-1]])).buffer(0) for x in scene.lanelets
-        ]
+        polygons = [lanelet.area() for lanelet in scene.lanelets]
         x, y = scene.ego.state.x, scene.ego.state.y
         window = shapely.box(x - reach, y - reach, x + reach, y + reach)
         near = [polygon.intersection(window) for polygon in polygons if polygon.intersects(window)]

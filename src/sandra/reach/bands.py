@@ -204,11 +204,7 @@ def _area(scene: Scene, lane: Lane) -> Any:
     import shapely
 
     area = shapely.union_all(
-        [
-            shapely.Polygon(np.vstack([lanelet.right, lanelet.left[::-1]])).buffer(0)
-            for lanelet in scene.lanelets
-            if lanelet.id in lane.lanelets
-        ]
+        [lanelet.area() for lanelet in scene.lanelets if lanelet.id in lane.lanelets]
     )
     shapely.prepare(area)
     return area

@@ -227,10 +227,7 @@ def _off_road(scene: Scene, lattice: Lattice) -> Mask:
     """Cells in which the inscribed disc crosses the border of the road, wherever its centre is."""
     import shapely
 
-    polygons = [
-        shapely.Polygon(np.vstack([lanelet.right, lanelet.left[::-1]])).buffer(0)
-        for lanelet in scene.lanelets
-    ]
+    polygons = [lanelet.area() for lanelet in scene.lanelets]
     # Neighbouring lanelets may leave slits between them that are no border.
     road = shapely.union_all(polygons).buffer(0.1).buffer(-0.1)
     s, d = lattice.centers()

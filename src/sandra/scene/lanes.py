@@ -155,14 +155,10 @@ def _crossing(
 
     Lanelets that fork off from the ego's own direction overlap it too, but do not come in.
     """
-    from shapely import Polygon, unary_union
+    from shapely import unary_union
     from shapely.geometry import Point
 
-    def area(i: int) -> Polygon:
-        lanelet = network[i]
-        return Polygon(np.vstack([lanelet.right, lanelet.left[::-1]])).buffer(0)
-
-    lane = unary_union([area(i) for i in ahead])
+    lane = unary_union([network[i].area() for i in ahead])
     beside_it = {
         adjacent[0]
         for i in ahead
@@ -175,7 +171,7 @@ def _crossing(
         forks = not set(lanelet.predecessors).isdisjoint(along)
         if i in known or i in beside_it or forks or not for_cars(lanelet):
             continue
-        shared = area(i).intersection(lane)
+        shared = network[i].area().intersection(lane)
         if shared.area < _OVERLAP:
             continue
         center = lanelet.center

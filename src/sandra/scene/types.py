@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -145,6 +145,17 @@ class Lanelet:
     def center(self) -> Array:
         """(n, 2) centre line [m]."""
         return (self.left + self.right) / 2
+
+    @property
+    def outline(self) -> Array:
+        """(2n, 2) along the right border and back along the left one [m]."""
+        return np.vstack([self.right, self.left[::-1]])
+
+    def area(self) -> Any:
+        """The lanelet as a valid shapely geometry, also where its borders cross."""
+        import shapely
+
+        return shapely.Polygon(self.outline).buffer(0)
 
 
 @dataclass(frozen=True, slots=True)

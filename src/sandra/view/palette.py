@@ -17,7 +17,6 @@ from sandra.reach import Status
 BLUE = "#0072B2"
 GREEN = "#009E73"
 VERMILLION = "#D55E00"
-PURPLE = "#CC79A7"
 ORANGE = "#E69F00"
 
 INK = "#1a1a1a"

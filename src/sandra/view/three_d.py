@@ -120,7 +120,7 @@ def _draw_floor(ax: Any, view: View, window: Window) -> None:
     faces: list[Array] = []
     fills: list[str] = []
     for lanelet in view.scene.lanelets:
-        outline = view.points(np.vstack([lanelet.right, lanelet.left[::-1]]))
+        outline = view.points(lanelet.outline)
         if not touches(window, outline):
             continue
         for polygon in polygons(clipped(shapely.Polygon(outline), window)):
