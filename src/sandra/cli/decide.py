@@ -1,0 +1,112 @@
+"""`sandra decide`: one cycle on one scenario."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING, Any
+
+from sandra.cli.options import (
+    add_prompting,
+    add_scenario,
+    add_verification,
+    command,
+    past_of,
+    scene_of,
+    settings_of,
+    vocabulary_of,
+)
+from sandra.cli.output import figure_of, print_json, progress
+
+if TYPE_CHECKING:
+    from sandra.decision import Decision
+
+
+def add(commands: Any) -> None:
+    parser = command(
+        commands,
+        "decide",
+        "describe a scenario, have action pairs ranked, verify them, choose what is executed",
+        "sandra decide intersection --command 'drive faster' --prediction set-based "
+        "--rules R_G1,R_G2,R_G3 --figure decision.png",
+    )
+    add_scenario(parser)
+    add_prompting(parser)
+    parser.add_argument(
+        "--ranker",
+        default="rules",
+        metavar="NAME",
+        help="rules (rule-based, no language model), openai:MODEL, random:SEED, replay:FILE, "
+        "exhaustive, or MODULE:ATTRIBUTE of your own",
+    )
+    parser.add_argument("--base-url", metavar="URL", help="of an OpenAI-compatible server")
+    parser.add_argument(
+        "--deadline", type=float, default=30.0, metavar="SECONDS", help="for the whole ranking"
+    )
+    add_verification(parser)
+    parser.add_argument(
+        "--accept",
+        default="certified",
+        metavar="LEVEL",
+        help="weakest verdict that is executed: certified, or reachable as in the paper",
+    )
+    parser.add_argument(
+        "--certificate", metavar="FILE", help="write the certificate of what is executed: .json"
+    )
+    parser.add_argument(
+        "--walk",
+        default="ranked",
+        metavar="HOW",
+        help="which pairs to verify: ranked, first (stop at the first that holds) or all",
+    )
+    parser.set_defaults(run=_decide)
+
+
+def _decide(arguments: argparse.Namespace) -> int:
+    from sandra.decision import decide
+    from sandra.describe import render
+    from sandra.logic import parse_rules
+
+    settings = settings_of(arguments)
+    decision = decide(
+        scene_of(arguments, settings),
+        arguments.ranker,
+        arguments.wish,
+        prediction=arguments.prediction,
+        rules=parse_rules(arguments.rules),
+        horizon=arguments.horizon,
+        k=arguments.k,
+        accept=arguments.accept,
+        past=past_of(arguments.past),
+        deadline=arguments.deadline,
+        base_url=arguments.base_url,
+        settings=settings,
+        vocabulary=vocabulary_of(arguments),
+        walk=arguments.walk,
+        rule_prompt=arguments.rule_prompt,
+        progress=progress,
+    )
+    figure = figure_of(decision, arguments.figure)
+    written = _certificate(decision, arguments.certificate)
+    if arguments.json:
+        print_json({**decision.to_dict(), "figure": figure, "certificate": written})
+        return 0
+    print(render(decision.prompt))
+    print()
+    if decision.ranking.reasoning:
+        print(f"<{decision.ranking.ranker}>: {decision.ranking.reasoning}\n")
+    print(decision)
+    if figure:
+        print(f"  picture: {figure}")
+    if written:
+        print(f"  certificate: {written} (check it: sandra certificate check {written})")
+    elif arguments.certificate:
+        print("  certificate: none is written, what is executed has none")
+    return 0
+
+
+def _certificate(decision: Decision, path: str | None) -> str | None:
+    if path is None or decision.certificate is None:
+        return None
+    from sandra.certificate import save
+
+    return str(save(decision.certificate, path))

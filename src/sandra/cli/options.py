@@ -1,0 +1,95 @@
+"""Options that several commands share, and what they stand for."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from sandra.logic import Vocabulary
+    from sandra.scene import Scene
+    from sandra.settings import Settings
+
+
+def command(commands: Any, name: str, text: str, example: str) -> argparse.ArgumentParser:
+    parser: argparse.ArgumentParser = commands.add_parser(
+        name,
+        help=text,
+        description=text[0].upper() + text[1:] + ".",
+        epilog=f"example: {example}",
+        formatter_class=argparse.ArgumentDefaultsHelpFormatter,
+    )
+    return parser
+
+
+def add_scenario(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "scenario", metavar="SCENARIO", help="a CommonRoad file, or a name of 'sandra scenarios'"
+    )
+    parser.add_argument(
+        "--problem", type=int, metavar="ID", help="planning problem, where the file has several"
+    )
+    parser.add_argument("--settings", metavar="FILE", help="a TOML file with parameters")
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+
+
+def add_verification(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--prediction",
+        default="most-likely",
+        metavar="KIND",
+        help="of the other traffic: most-likely, set-based, recorded or constant-velocity",
+    )
+    parser.add_argument(
+        "--rules", default="", metavar="LIST", help="traffic rules, e.g. R_G1,R_G2,R_G3"
+    )
+    parser.add_argument("--horizon", type=int, metavar="H", help="steps to verify (default: 25)")
+    parser.add_argument(
+        "--vocabulary", metavar="FILE", help="a TOML file with actions and rules of your own"
+    )
+    parser.add_argument("--figure", metavar="FILE", help="draw it: .png, .pdf or .svg")
+
+
+def add_prompting(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--command", dest="wish", metavar="TEXT", help="the driver's wish")
+    parser.add_argument("--k", type=int, metavar="K", help="number of ranked pairs (default: 3)")
+    parser.add_argument(
+        "--past", default="", metavar="PAIRS", help="pairs driven before, oldest first, ';' between"
+    )
+    parser.add_argument("--rule-prompt", action="store_true", help="tell the rules in the prompt")
+
+
+def settings_of(arguments: argparse.Namespace) -> Settings:
+    from sandra.settings import Settings
+
+    return Settings.load(arguments.settings) if arguments.settings else Settings()
+
+
+def vocabulary_of(arguments: argparse.Namespace) -> Vocabulary | None:
+    if arguments.vocabulary is None:
+        return None
+    from sandra.logic import Vocabulary
+
+    return Vocabulary.load(arguments.vocabulary)
+
+
+def path_of(scenario: str) -> Path:
+    """A file as it is named, or the scenario of ours that has this name."""
+    from sandra.scenarios import examples
+
+    given = Path(scenario)
+    return given if given.exists() else examples().get(scenario, given)
+
+
+def scene_of(arguments: argparse.Namespace, settings: Settings) -> Scene:
+    from sandra.scene import load
+
+    path = path_of(arguments.scenario)
+    return load(path, planning_problem=arguments.problem, settings=settings)
+
+
+def past_of(text: str) -> tuple[Any, ...]:
+    from sandra.actions import ActionPair
+
+    return tuple(ActionPair.parse(pair) for pair in text.split(";") if pair.strip())
