@@ -73,7 +73,7 @@ def test_decide_json_keeps_the_contract(capsys: pytest.CaptureFixture[str]) -> N
     assert data["ranker"].startswith("rules")
     assert data["failure"] is None
     assert 1 <= len(data["ranking"]) <= 3
-    assert set(data["durations_s"]) == {"describe", "rank", "predict", "verify", "plan"}
+    assert set(data["durations_s"]) == {"describe", "rank", "predict", "verify", "plan", "total"}
     assert data["executed"]["kind"] in ("certified", "reachable", "fail-safe")
     ranked = [(p["longitudinal"], p["lateral"]) for p in data["ranking"]]
     verified = [(v["longitudinal"], v["lateral"]) for v in data["verdicts"]]

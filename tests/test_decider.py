@@ -11,6 +11,7 @@ from sandra.decider import Decider, Operation
 from sandra.errors import SettingsError
 from sandra.rankers import Ranking
 from sandra.scene import Obstacle, Scene, State
+from straight_road import Road
 
 
 class Silent:
@@ -91,3 +92,47 @@ def test_a_start_without_certificate_is_an_emergency_and_says_so() -> None:
 def test_options_that_are_its_own() -> None:
     with pytest.raises(SettingsError, match="accept"):
         Decider(accept="reachable")
+
+
+def road_with(*obstacles: Obstacle, speed: float) -> Scene:
+    road = Road()
+    return road.scene(*obstacles, lanes=road.three_lanes(), speed=speed)
+
+
+def after_a_surprise(distance: float) -> tuple[Decider, sandra.Decision, Scene]:
+    """A certified cycle at 20 m/s; in the next a car stands in the lane, out of nowhere."""
+    decider = Decider("exhaustive", horizon=10)
+    first = decider.decide(road_with(speed=20.0))
+    assert decider.operation is Operation.CERTIFIED
+    assert decider.memory.carried is not None
+    ends = decider.memory.carried.fail_safe.states[-1, 0]
+    assert ends > 50.0  # mild: full braking takes less than 36 m
+    decider._ranker = Silent()
+    x, _, _, speed, _ = first.maneuver.states[1]
+    car = Road().obstacle(7, distance, 0.0)
+    scene = road_with(car, speed=float(speed))
+    scene = replace(scene, ego=replace(scene.ego, state=State(float(x), 0.0, 0.0, float(speed))))
+    return decider, decider.decide(scene), scene
+
+
+def test_a_carried_fail_safe_that_no_longer_holds_is_replaced() -> None:
+    decider, decision, _ = after_a_surprise(48.0)
+    assert decider.operation is Operation.RENEWED
+    assert decision.maneuver.kind == "fail-safe"
+    assert decision.maneuver.states[-1, 0] < 48.0 - 4.5
+    assert decision.maneuver.states[-1, 3] == 0.0
+    again = decider.memory.carried
+    assert again is not None
+    assert again.age == 0.0
+
+
+def test_if_nothing_else_is_found_the_carried_one_goes_on_and_says_so() -> None:
+    decider, decision, _ = after_a_surprise(15.0)
+    assert decider.operation is Operation.CARRIED
+    assert "may no longer be clear" in decision.maneuver.note
+
+
+def test_what_is_clear_is_carried_on() -> None:
+    decider, decision, _ = after_a_surprise(150.0)
+    assert decider.operation is Operation.CARRIED
+    assert "may no longer" not in decision.maneuver.note

@@ -1,6 +1,8 @@
 """The walk through the rooms."""
 
 import json
+import threading
+import time
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -9,6 +11,7 @@ import pytest
 
 import sandra
 from sandra.certificate import check
+from sandra.decision.stages import Meanwhile
 from sandra.describe import Prompt
 from sandra.rankers import Ranking
 from sandra.reach import Status
@@ -159,3 +162,48 @@ def test_every_stage_alone_in_three_lines(scene: sandra.Scene) -> None:
     assert "lane" in sandra.prompt(scene, "drive faster").user
     assert sandra.predict(scene, "set-based", horizon=5).horizon == 5
     assert len(sandra.verify(scene, pairs="all", prediction="set-based", rules=["R_G1"])) == 12
+
+
+def test_all_is_prepared_while_the_ranking_is_waited_for(scene: sandra.Scene) -> None:
+    prepared = threading.Event()
+
+    class Patient:
+        """Answers only once the preparations are under way: alone it would wait for ever."""
+
+        name = "patient"
+
+        def rank(self, prompt: Prompt, deadline: float | None = None) -> Ranking:
+            assert prepared.wait(60.0)
+            return Ranking((PAIR("decelerate,follow-lane"),), self.name)
+
+    def progress(stage: str) -> None:
+        if stage == "plan":
+            prepared.set()
+
+    decision = sandra.decide(scene, Patient(), progress=progress)
+    assert decision.maneuver.kind == "certified"
+    assert decision.durations_s["rank"] > 0.0
+
+
+def test_the_fail_safe_is_the_same_whenever_the_ranking_comes(scene: sandra.Scene) -> None:
+    class Late:
+        name = "late"
+
+        def rank(self, prompt: Prompt, deadline: float | None = None) -> Ranking:
+            time.sleep(1.0)
+            return Ranking((), self.name)
+
+    early = sandra.decide(scene, Fixed())
+    late = sandra.decide(scene, Late())
+    assert early.maneuver.kind == late.maneuver.kind == "fail-safe"
+    assert np.array_equal(early.maneuver.states, late.maneuver.states)
+
+
+def test_what_is_raised_meanwhile_is_raised_at_the_end() -> None:
+    def work() -> None:
+        raise KeyError("lost")
+
+    waiting = Meanwhile(work, "work")
+    with pytest.raises(KeyError, match="lost"):
+        waiting.result()
+    assert waiting.done

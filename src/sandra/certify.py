@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
 from sandra.certificate import Certificate, Report, certificate, check
 from sandra.logic import Vocabulary
 from sandra.planning.cost import Weights
@@ -75,6 +77,21 @@ class Basis:
             return None
         found = fail_safe(scene, start, 0.0, self.set_based, settings, self.of_fail_safe)
         return found if isinstance(found, FailSafe) else None
+
+    def confirms(self, rest: Trajectory) -> bool:
+        """Whether a fail-safe that was accepted earlier is clear of what others may do now.
+
+        Args:
+            rest: what is left of it, from time 0 on. Of a part beyond the end of the prediction
+                nothing is said.
+        """
+        predicted = self.set_based.horizon * self.set_based.dt
+        count = min(len(rest.inputs), int(predicted / rest.tau + 1e-6))
+        if count == 0:
+            return True
+        states, inputs = rest.states[None, : count + 1], rest.inputs[None, :count]
+        contact = self.of_fail_safe.first_contact(states, inputs, np.array([count]), rest.tau, 0.0)
+        return bool(contact[0] < 0)
 
 
 def certify(

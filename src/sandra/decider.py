@@ -31,6 +31,9 @@ class Operation(Enum):
     """A maneuver with an accepted certificate of this cycle."""
     CARRIED = "carried"
     """The fail-safe of the last accepted certificate."""
+    RENEWED = "renewed"
+    """A fail-safe made anew: the carried one is no longer clear of what others may do now, because
+    somebody broke an assumption, or got in front of the ego as the law allows."""
     EMERGENCY = "emergency"
     """No certificate has been accepted yet: the best that was found, nothing is proven."""
 
@@ -43,13 +46,19 @@ class Carried:
     strategy: str
     age: float
 
+    @property
+    def rest(self) -> Trajectory:
+        """What is left of it, from now (time 0) on; at its end the ego stands."""
+        whole = self.fail_safe
+        first = round((self.age - whole.start) / whole.tau)
+        first = min(max(first, 0), len(whole.inputs))
+        return Trajectory(whole.states[first:], whole.inputs[first:], whole.tau, 0.0)
+
     def states(self, dt: float) -> NDArray[np.float64]:
         """(n, 5) x, y, heading, speed, acceleration from now on; at its end the ego stands."""
-        rows = self.fail_safe.every(self.fail_safe.tau)
-        first = round((self.age - self.fail_safe.start) / self.fail_safe.tau)
-        kept = rows[min(max(first, 0), len(rows) - 1) :: max(1, round(dt / self.fail_safe.tau))]
+        rows = self.rest.every(dt)
         last = rows[-1:] * np.array([1.0, 1.0, 1.0, 1.0, 0.0])
-        return np.vstack([kept, last])
+        return np.vstack([rows, last])
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,9 +123,18 @@ class Decider:
             carried = Carried(proof.fail_safe.trajectory, proof.fail_safe.strategy, 0.0)
             past = (*past, decision.maneuver.pair)
         elif carried is not None:
-            self.operation = Operation.CARRIED
+            confirmed = decision.basis is None or decision.basis.confirms(carried.rest)
+            fresh = None if confirmed or decision.basis is None else decision.basis.fail_safe_now()
+            if fresh is not None:
+                self.operation = Operation.RENEWED
+                carried = Carried(fresh.trajectory, fresh.strategy, 0.0)
+                note = f"the carried fail-safe may collide now, a new one: {carried.strategy}"
+            else:
+                self.operation = Operation.CARRIED
+                note = f"the fail-safe of the last certificate goes on: {carried.strategy}"
+                if not confirmed:
+                    note += "; it may no longer be clear of others, and no other was found"
             states = carried.states(scene.dt)
-            note = f"the fail-safe of the last certificate goes on: {carried.strategy}"
             maneuver = Maneuver("fail-safe", None, states, scene.dt, note, states)
             decision = replace(decision, maneuver=maneuver)
         else:

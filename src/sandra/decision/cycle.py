@@ -5,124 +5,30 @@ Scene -> prompt -> ranking -> specification of each pair -> verdict -> maneuver.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from functools import cache
 
 from sandra.actions import ALL_PAIRS, ActionPair
-from sandra.certificate import Certificate
 from sandra.certify import Basis, Proven, certify
-from sandra.describe import Prompt, describe
+from sandra.decision.result import Decision
+from sandra.decision.stages import Clock, Meanwhile
+from sandra.describe import describe
 from sandra.errors import SettingsError
 from sandra.logic import Vocabulary
 from sandra.planning import Maneuver, Weights, full_braking, in_corridor
+from sandra.planning.fail_safe_search import FailSafe
 from sandra.prediction import PredictionSource, predict
-from sandra.rankers import Ranker, Ranking, ask, create
-from sandra.reach import Ground, Status, Verdict, Verdicts, ground, verify_pair
+from sandra.rankers import Ranker, as_ranker, create
+from sandra.reach import Status, Verdict, Verdicts, ground, verify_pair
+from sandra.reach.ground import Ground
 from sandra.scene.types import Scene
 from sandra.settings import Settings
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 DEFAULT_DEADLINE = 30.0
 """Seconds for a ranking, all attempts included."""
 
 ACCEPTANCE = ("certified", "reachable")
 WALKS = ("ranked", "first", "all")
-
-STAGES = ("describe", "rank", "predict", "verify", "plan")
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Decision:
-    """All that was told, answered, verified and chosen in one cycle.
-
-    `verdicts` holds the ranked pairs in the order of the ranking, then, where all twelve were
-    asked for, the others. `durations_s` has one entry per stage.
-    """
-
-    scene: Scene
-    prompt: Prompt
-    ranking: Ranking
-    verdicts: Verdicts
-    maneuver: Maneuver
-    accept: str
-    durations_s: dict[str, float]
-
-    @property
-    def ground(self) -> Ground:
-        """What all verdicts stand on: lattice, prediction, forbidden cells."""
-        return self.verdicts.ground
-
-    @property
-    def certificate(self) -> Certificate | None:
-        """The accepted certificate of what is executed; None if it has none."""
-        proof = None if self.executed is None else self.executed.proof
-        return proof.certificate if isinstance(proof, Proven) else None
-
-    @property
-    def executed(self) -> Verdict | None:
-        """The verdict of the pair that is executed; None for a fail-safe."""
-        return None if self.maneuver.pair is None else self.verdicts[self.maneuver.pair]
-
-    def to_dict(self) -> dict[str, Any]:
-        """The JSON contract of `sandra decide --json`."""
-        failure = self.ranking.failure
-        return {
-            "scenario": self.scene.name,
-            "ranker": self.ranking.ranker,
-            "ranking": [pair.to_dict() for pair in self.ranking.pairs],
-            "failure": None if failure is None else failure.value,
-            "failure_detail": self.ranking.detail,
-            "warnings": list(self.ranking.warnings),
-            "prediction": self.ground.prediction.kind,
-            "assumed": list(self.ground.prediction.notes),
-            "rules": list(self.verdicts.rules),
-            "horizon": self.ground.horizon,
-            "dt": self.scene.dt,
-            "accept": self.accept,
-            "verdicts": self.verdicts.to_list(),
-            "executed": self.maneuver.to_dict(),
-            "maneuver": {
-                "note": self.maneuver.note,
-                "states": self.maneuver.states.tolist(),
-                "fail_safe_start": self.maneuver.fail_safe_start,
-                "fail_safe": None
-                if self.maneuver.fail_safe is None
-                else self.maneuver.fail_safe.tolist(),
-            },
-            "durations_s": dict(self.durations_s),
-        }
-
-    def figure(self, path: str | Path, **options: Any) -> Path:
-        """Draw the decision; see `sandra.view.decision_figure`."""
-        from sandra.view import decision_figure
-
-        return decision_figure(self, path, **options)
-
-    def __str__(self) -> str:
-        lines = [
-            f"{self.scene.name}: ranked by {self.ranking.ranker}, prediction "
-            f"{self.ground.prediction.kind}, rules {', '.join(self.verdicts.rules) or 'none'}, "
-            f"h = {self.ground.horizon}, dt = {self.scene.dt:g} s"
-        ]
-        lines += [f"  note: {note}" for note in self.ground.prediction.notes]
-        if self.ranking.failure is not None:
-            lines.append(
-                f"  no ranking: {self.ranking.failure.value}"
-                + (f" ({self.ranking.detail})" if self.ranking.detail else "")
-            )
-        for rank, verdict in enumerate(self.verdicts, start=1):
-            place = f"{rank}." if rank <= len(self.ranking.pairs) else "  "
-            lines.append(f"  {place:>3} {verdict}")
-        pair = "" if self.maneuver.pair is None else f" {self.maneuver.pair}"
-        lines.append(f"  executed: {self.maneuver.kind}{pair} ({self.maneuver.note})")
-        total = sum(self.durations_s.values())
-        stages = ", ".join(f"{name} {1e3 * t:.0f}" for name, t in self.durations_s.items())
-        lines.append(f"  {1e3 * total:.0f} ms: {stages}")
-        return "\n".join(lines)
 
 
 def decide(
@@ -174,26 +80,38 @@ def decide(
         settings = settings.replace(horizon=horizon)
     if k is not None:
         settings = settings.replace(k=k)
-    asked = create(ranker, base_url=base_url) if isinstance(ranker, str) else ranker
-    clock = _Clock(progress)
+    asked = create(ranker, base_url=base_url) if isinstance(ranker, str) else as_ranker(ranker)
+    clock = Clock(progress)
 
-    clock.start("describe")
-    prompt = describe(scene, command, past, rules=rules, rule_prompt=rule_prompt, settings=settings)
-    clock.start("rank")
-    ranking = ask(asked, prompt, deadline)
-    clock.start("predict")
-    base = ground(scene, predict(scene, prediction, settings.horizon, settings), settings)
-    clock.start("verify")
-    verdicts = _walk(base, ranking.pairs, rules, vocabulary, walk)
-    clock.start("plan")
-    weights = Weights.for_command(command)
-    basis = None
-    if accept == "certified":
-        basis = Basis.of(base, decision_period)
-        verdicts = _certified(basis, verdicts, ranking.pairs, vocabulary, weights, walk)
-    maneuver = _maneuver(verdicts, ranking.pairs, accept, basis)
+    with clock.stage("describe"):
+        prompt = describe(
+            scene, command, past, rules=rules, rule_prompt=rule_prompt, settings=settings
+        )
+    waiting = Meanwhile(lambda: asked.rank(prompt, deadline), asked.name)
+    # While somebody thinks about the ranking, all is prepared that does not depend on it.
+    with clock.stage("predict"):
+        base = ground(scene, predict(scene, prediction, settings.horizon, settings), settings)
+    with clock.stage("plan"):
+        basis = Basis.of(base, decision_period) if accept == "certified" else None
+        fail_safe_now = cache(basis.fail_safe_now if basis is not None else _nothing)
+        if not waiting.done:
+            fail_safe_now()
+    progress("rank")
+    ranking = waiting.result()
+    clock.durations["rank"] = waiting.duration
+    with clock.stage("verify"):
+        verdicts = _walk(base, ranking.pairs, rules, vocabulary, walk)
+    with clock.stage("plan"):
+        if basis is not None:
+            weights = Weights.for_command(command)
+            verdicts = _certified(basis, verdicts, ranking.pairs, vocabulary, weights, walk)
+        maneuver = _maneuver(verdicts, ranking.pairs, accept, fail_safe_now)
     durations = clock.stop()
-    return Decision(scene, prompt, ranking, verdicts, maneuver, accept, durations)
+    return Decision(scene, prompt, ranking, verdicts, maneuver, accept, basis, durations)
+
+
+def _nothing() -> None:
+    return None
 
 
 def _check(accept: str, walk: str, deadline: float) -> None:
@@ -243,7 +161,10 @@ def _certified(
 
 
 def _maneuver(
-    verdicts: Verdicts, ranked: Sequence[ActionPair], accept: str, basis: Basis | None
+    verdicts: Verdicts,
+    ranked: Sequence[ActionPair],
+    accept: str,
+    fail_safe_now: Callable[[], FailSafe | None],
 ) -> Maneuver:
     """The first ranked pair that is accepted, else the fail-safe maneuver."""
     ground = verdicts.ground
@@ -258,7 +179,7 @@ def _maneuver(
             maneuver = in_corridor(scene, verdict.pair, corridor, settings)
             if maneuver is not None:
                 return maneuver
-    found = None if basis is None else basis.fail_safe_now()
+    found = fail_safe_now()
     if found is None:
         return full_braking(scene, settings)
     states = found.trajectory.every(scene.dt)
@@ -284,27 +205,3 @@ def _proven(pair: ActionPair, proof: Proven, dt: float) -> Maneuver:
         continuation.trajectory.every(dt),
         continuation.trajectory.start,
     )
-
-
-class _Clock:
-    """Durations of consecutive stages."""
-
-    def __init__(self, progress: Callable[[str], None]) -> None:
-        self._progress = progress
-        self._begin = 0.0
-        self._stage: str | None = None
-        self._durations = dict.fromkeys(STAGES, 0.0)
-
-    def start(self, stage: str) -> None:
-        self._finish()
-        self._progress(stage)
-        self._stage, self._begin = stage, time.perf_counter()
-
-    def stop(self) -> dict[str, float]:
-        self._finish()
-        return self._durations
-
-    def _finish(self) -> None:
-        if self._stage is not None:
-            self._durations[self._stage] = time.perf_counter() - self._begin
-        self._stage = None
