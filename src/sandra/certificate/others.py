@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,9 +20,8 @@ from numpy.typing import NDArray
 
 from sandra.certificate.geometry import Shapes, convex, outline
 from sandra.certificate.report import Checked, Violation
-from sandra.certificate.types import Certificate, Occupancies, Participant
+from sandra.certificate.types import Certificate, Participant
 from sandra.scene.types import Region
-from sandra.settings import Assumptions
 
 Array = NDArray[np.float64]
 
@@ -35,45 +35,67 @@ ALONG = math.radians(30.0)
 """A vehicle whose heading leaves its lanelet's by more is not played."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Played:
+    """A place that a body may be at: `regions` must hold it.
+
+    `within`: the lanelet that it must not leave, or it is not allowed for sure; None: it is.
+    """
+
+    obstacle: int
+    kind: str
+    interval: int
+    regions: tuple[Region, ...]
+    body: Region
+    within: Any = None
+
+
 def occupancies(c: Certificate) -> Checked | Violation:
     """No region is too small for behaviour that is allowed for sure."""
-    lanelets = [(outline(x), _mean_heading(x.left)) for x in c.lanelets]
-    played = [
-        (obstacle.id, kind, k, regions[k], body)
-        for obstacle in c.obstacles
-        for kind, regions, k, body in _behaviours(c, obstacle, lanelets)
-    ]
-    held = _held([regions for *_, regions, _ in played], [body for *_, body in played])
+    played = [each for obstacle in c.obstacles for each in _trajectory(c, obstacle)]
+    played += _standing_still(c) + _straight_on(c)
+    shapes = _shapes([each.body for each in played])
+    homes = [each.within for each in played]
+    allowed = np.array([home is None for home in homes], dtype=np.bool_)
+    bound = np.flatnonzero(~allowed)
+    allowed[bound] = shapely.covers([homes[i] for i in bound], shapes[bound])
+    played = [played[i] for i in np.flatnonzero(allowed)]
+    held = _held([each.regions for each in played], shapes[allowed])
     if not held.all():
-        number, kind, k, _, _ = played[int(np.argmin(held))]
+        found = played[int(np.argmin(held))]
         return Violation(
             "occupancies",
-            f"obstacle {number}: its region in the {kind} prediction, interval {k}, does not hold "
-            "a body that its assumptions allow there",
-            k,
-            k * c.dt,
+            f"obstacle {found.obstacle}: its region in the {found.kind} prediction, interval "
+            f"{found.interval}, does not hold a body that its assumptions allow there",
+            found.interval,
+            found.interval * c.dt,
         )
     return Checked("occupancies", f"{len(played)} allowed places of others lie in their regions")
 
 
-def _behaviours(
-    c: Certificate, o: Participant, lanelets: list[tuple[Any, float]]
-) -> Iterator[tuple[str, Occupancies, int, Region]]:
-    """(kind of prediction, its regions, interval, body) of what must be held."""
-    there = np.isfinite(o.states[:, 0])
-    if c.prediction in TRAJECTORIES and "recorded occupancies" not in o.basis:
-        for k in range(c.horizon):
-            for row in (k, k + 1):
-                if there[row]:
-                    yield c.prediction, o.likely, k, o.outline.placed(*o.states[row, :3])
-    if not there[0]:
+def _trajectory(c: Certificate, o: Participant) -> Iterator[_Played]:
+    """The most likely trajectory, where the prediction is one."""
+    if c.prediction not in TRAJECTORIES or "recorded occupancies" in o.basis:
         return
-    if o.is_static:
-        body = o.outline.placed(*o.states[0, :3])
-        yield from ((c.set_based, o.possible, k, body) for k in _some(len(o.possible)))
-    elif o.kind in VEHICLES and not {"no_rear_end", "legal_cut_in"} & set(o.assumptions):
-        for k, body in _straight_on(o, c.dt, c.settings.assumptions, lanelets):
-            yield c.set_based, o.possible, k, body
+    there = np.isfinite(o.states[:, 0])
+    placed = [
+        o.outline.placed(*row[:3]) if yes else None
+        for row, yes in zip(o.states, there, strict=True)
+    ]
+    for k in range(c.horizon):
+        for body in placed[k : k + 2]:
+            if body is not None:
+                yield _Played(o.id, c.prediction, k, o.likely[k], body)
+
+
+def _standing_still(c: Certificate) -> list[_Played]:
+    """Static obstacles, where they are."""
+    return [
+        _Played(o.id, c.set_based, k, o.possible[k], o.outline.placed(*o.states[0, :3]))
+        for o in c.obstacles
+        if o.is_static and np.isfinite(o.states[0, 0])
+        for k in _some(len(o.possible))
+    ]
 
 
 def _some(steps: int) -> list[int]:
@@ -82,32 +104,38 @@ def _some(steps: int) -> list[int]:
     return sorted({k for k in powers if k < steps} | ({steps - 1} if steps else set()))
 
 
-def _straight_on(
-    o: Participant, dt: float, a: Assumptions, lanelets: list[tuple[Any, float]]
-) -> Iterator[tuple[int, Region]]:
-    """(interval, body at its end) of a vehicle that goes straight on, while in its lanelet."""
-    x, y, heading, speed = o.states[0, :4]
-    body = o.outline.placed(x, y, heading)
-    home = next(
-        (
-            area
-            for area, course in lanelets
-            if abs(math.remainder(course - heading, 2 * math.pi)) <= ALONG
-            and shapely.covers(area, _shape(body))
-        ),
-        None,
-    )
-    if home is None or speed < 0.0:
-        return
-    for k in _some(len(o.possible)):
-        time = (k + 1) * dt
-        for acceleration in (-a.max_acceleration, 0.0, a.max_acceleration):
-            way = _travelled(speed, acceleration, max(a.max_speed, speed), time)
-            moved = o.outline.placed(
-                x + way * math.cos(heading), y + way * math.sin(heading), heading
-            )
-            if shapely.covers(home, _shape(moved)):
-                yield k, moved
+def _straight_on(c: Certificate) -> list[_Played]:
+    """Vehicles that go straight on in the lanelet that holds them."""
+    driving = [
+        o
+        for o in c.obstacles
+        if o.kind in VEHICLES
+        and not o.is_static
+        and not {"no_rear_end", "legal_cut_in"} & set(o.assumptions)
+        and np.isfinite(o.states[0, 0])
+        and o.states[0, 3] >= 0.0
+    ]
+    areas = np.array([outline(x) for x in c.lanelets], dtype=object)
+    courses = np.array([_mean_heading(x.left) for x in c.lanelets])
+    now = _shapes([o.outline.placed(*o.states[0, :3]) for o in driving])
+    inside = shapely.covers(areas[None, :], now[:, None])
+    headings = np.array([o.states[0, 2] for o in driving])
+    turned = np.abs(np.remainder(courses - headings[:, None] + np.pi, 2 * np.pi) - np.pi)
+    a = c.settings.assumptions
+    found = []
+    for o, homes in zip(driving, inside & (turned <= ALONG), strict=True):
+        if not homes.any():
+            continue
+        x, y, heading, speed = o.states[0, :4].tolist()
+        for k in _some(len(o.possible)):
+            for acceleration in (-a.max_acceleration, 0.0, a.max_acceleration):
+                way = _travelled(speed, acceleration, max(a.max_speed, speed), (k + 1) * c.dt)
+                body = o.outline.placed(
+                    x + way * math.cos(heading), y + way * math.sin(heading), heading
+                )
+                home = areas[int(np.argmax(homes))]
+                found.append(_Played(o.id, c.set_based, k, o.possible[k], body, home))
+    return found
 
 
 def _travelled(speed: float, acceleration: float, top: float, time: float) -> float:
@@ -124,21 +152,18 @@ def _mean_heading(line: Array) -> float:
     return math.atan2(dy, dx)
 
 
-def _shape(region: Region) -> Any:
-    return _shapes([region])[0]
-
-
 def _shapes(regions: list[Region]) -> Shapes:
-    hulls, radii = convex(regions)
-    return np.atleast_1d(np.where(radii > 0.0, shapely.buffer(hulls, radii), hulls))
+    shapes, radii = convex(regions)
+    round_ones = radii > 0.0
+    shapes[round_ones] = shapely.buffer(shapes[round_ones], radii[round_ones])
+    return shapes
 
 
-def _held(regions: list[tuple[Region, ...]], bodies: list[Region]) -> NDArray[np.bool_]:
-    """(n,) whether the union of regions i holds body i, but for `SLACK`."""
-    shapes = _shapes(bodies)
+def _held(regions: list[tuple[Region, ...]], shapes: Shapes) -> NDArray[np.bool_]:
+    """(n,) whether the union of regions i holds shape i, but for `SLACK`."""
     owner = np.repeat(np.arange(len(regions)), [len(x) for x in regions])
     hulls, radii = convex(region for several in regions for region in several)
-    held = np.zeros(len(bodies), dtype=np.bool_)
+    held = np.zeros(len(shapes), dtype=np.bool_)
     # Mostly one region holds the body as it is, and no shape has to be widened or united.
     np.logical_or.at(held, owner, shapely.covers(hulls, shapes[owner]))
     for i in np.flatnonzero(~held):
