@@ -6,7 +6,7 @@ BIN := .venv/bin
 export OMP_NUM_THREADS := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test check soundness scenarios lock clean
+.PHONY: help demo test check soundness bench scenarios lock clean
 
 help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z.]+:.*## /{printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -38,6 +38,9 @@ check: .venv/.installed  ## format, lint, types, import contract, links of the d
 
 soundness: .venv/.installed  ## many random trajectories against the reachable sets (minutes)
 	$(BIN)/python -m pytest tests/reach -m soundness
+
+bench: .venv/.installed  ## what a decision costs, stage by stage
+	$(BIN)/sandra bench decide
 
 scenarios: .venv/.installed  ## make the project's own scenarios anew
 	$(BIN)/python scripts/make_scenarios.py
