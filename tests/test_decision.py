@@ -13,6 +13,7 @@ import sandra
 from sandra.certificate import check
 from sandra.decision.stages import Meanwhile
 from sandra.describe import Prompt
+from sandra.planning import Weights
 from sandra.rankers import Ranking
 from sandra.reach import Status
 
@@ -207,3 +208,22 @@ def test_what_is_raised_meanwhile_is_raised_at_the_end() -> None:
     with pytest.raises(KeyError, match="lost"):
         waiting.result()
     assert waiting.done
+
+
+def test_the_desired_speed_weighs_trajectories_and_changes_no_verdict(scene: sandra.Scene) -> None:
+    ranker = Fixed("accelerate,follow-lane", "decelerate,follow-lane")
+    slow, fast = (
+        sandra.decide(scene, ranker, weights=Weights(desired_speed=v, speed=20.0)) for v in (2, 25)
+    )
+    assert statuses(slow) == statuses(fast)
+    assert slow.maneuver.pair == fast.maneuver.pair
+    assert slow.maneuver.kind == "certified"
+    assert slow.maneuver.states[-1, 3] < fast.maneuver.states[-1, 3] - 0.5
+
+
+@pytest.mark.parametrize(
+    "bad", [{"jerk": -1.0}, {"speed": float("nan")}, {"desired_speed": -1.0}, {"faster": np.inf}]
+)
+def test_weights_that_are_refused(bad: dict[str, float]) -> None:
+    with pytest.raises(sandra.SandraError, match="must be"):
+        Weights(**bad)

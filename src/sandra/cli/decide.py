@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from sandra.cli.options import (
@@ -50,6 +51,12 @@ def add(commands: Any) -> None:
         help="weakest verdict that is executed: certified, or reachable as in the paper",
     )
     parser.add_argument(
+        "--desired-speed",
+        type=float,
+        metavar="V",
+        help="what the planner aims at, m/s (default: the speed limit, else the present speed)",
+    )
+    parser.add_argument(
         "--certificate", metavar="FILE", help="write the certificate of what is executed: .json"
     )
     parser.add_argument(
@@ -65,8 +72,10 @@ def _decide(arguments: argparse.Namespace) -> int:
     from sandra.decision import decide
     from sandra.describe import render
     from sandra.logic import parse_rules
+    from sandra.planning import Weights
 
     settings = settings_of(arguments)
+    weights = replace(Weights.for_command(arguments.wish), desired_speed=arguments.desired_speed)
     decision = decide(
         scene_of(arguments, settings),
         arguments.ranker,
@@ -83,6 +92,7 @@ def _decide(arguments: argparse.Namespace) -> int:
         vocabulary=vocabulary_of(arguments),
         walk=arguments.walk,
         rule_prompt=arguments.rule_prompt,
+        weights=weights,
         progress=progress,
     )
     figure = figure_of(decision, arguments.figure)

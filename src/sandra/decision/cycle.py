@@ -49,6 +49,7 @@ def decide(
     vocabulary: Vocabulary | None = None,
     walk: str = "ranked",
     rule_prompt: bool = False,
+    weights: Weights | None = None,
     progress: Callable[[str], None] = lambda stage: None,
 ) -> Decision:
     """Decide what the ego does: the first ranked pair that holds, else the fail-safe maneuver.
@@ -68,6 +69,8 @@ def decide(
         walk: "ranked" verifies every ranked pair, "first" stops at the first that holds, "all"
             verifies all twelve.
         rule_prompt: whether the prompt also tells the rules in words.
+        weights: of the planner's cost terms, with the desired speed; default: those that the
+            command asks for (`Weights.for_command`). They choose among trajectories that hold.
         progress: called with the name of each stage as it begins.
 
     Raises:
@@ -103,8 +106,8 @@ def decide(
         verdicts = _walk(base, ranking.pairs, rules, vocabulary, walk)
     with clock.stage("plan"):
         if basis is not None:
-            weights = Weights.for_command(command)
-            verdicts = _certified(basis, verdicts, ranking.pairs, vocabulary, weights, walk)
+            chosen = Weights.for_command(command) if weights is None else weights
+            verdicts = _certified(basis, verdicts, ranking.pairs, vocabulary, chosen, walk)
         maneuver = _maneuver(verdicts, ranking.pairs, accept, fail_safe_now)
     durations = clock.stop()
     return Decision(scene, prompt, ranking, verdicts, maneuver, accept, basis, durations)

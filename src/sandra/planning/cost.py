@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from math import inf, isfinite
 
 import numpy as np
 from numpy.typing import NDArray
+
+from sandra.errors import SettingsError
 
 Array = NDArray[np.float64]
 
@@ -30,6 +33,17 @@ class Weights:
     """[m/s]; None: the speed limit where it is known, else the present speed."""
     faster: float = 0.0
     """Added to the desired speed [m/s]."""
+
+    def __post_init__(self) -> None:
+        for name in ("jerk", "lateral", "centre", "speed", "change", "clearance"):
+            if not 0.0 <= getattr(self, name) < inf:
+                raise SettingsError(f"weight {name} = {getattr(self, name)!r} must be finite, >= 0")
+        if self.desired_speed is not None and not 0.0 <= self.desired_speed < inf:
+            raise SettingsError(
+                f"desired speed = {self.desired_speed!r} must be a finite number >= 0 [m/s]"
+            )
+        if not isfinite(self.faster):
+            raise SettingsError(f"faster = {self.faster!r} must be a finite number [m/s]")
 
     @staticmethod
     def for_command(text: str | None) -> Weights:
