@@ -1,4 +1,4 @@
-"""What is driven: a maneuver, and how far it has been proven."""
+"""What is driven: a maneuver and how far it has been proven; trajectories and fail-safes."""
 
 from __future__ import annotations
 
@@ -67,3 +67,29 @@ class Trajectory:
     def end(self) -> float:
         """Time of the last state [s]."""
         return self.start + self.tau * len(self.inputs)
+
+
+@dataclass(frozen=True, slots=True)
+class Margins:
+    """How far a fail-safe stays from its bounds: lower bounds, along the whole trajectory.
+
+    `clearance` to the others' occupancies, at most 5 m; `conflict` from the standing body to the
+    next conflict area (inf where there is none) [m]; `lateral_acceleration` [m/s^2].
+    """
+
+    clearance: float
+    conflict: float
+    lateral_acceleration: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FailSafe:
+    """A trajectory from t_dec to a standstill, with the strategy that found it.
+
+    `deceleration`: the strongest on it, >= 0 [m/s^2].
+    """
+
+    trajectory: Trajectory
+    strategy: str
+    deceleration: float
+    margins: Margins
