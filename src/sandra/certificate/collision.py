@@ -135,7 +135,7 @@ def _in_interval(
 def _boxes(regions: list[Region]) -> Array:
     """(n, 4) lowest and highest x, y of each region's vertices."""
     starts = np.cumsum([0, *(len(r.vertices) for r in regions)])[:-1]
-    points = np.vstack([r.vertices for r in regions])
+    points = np.concatenate([r.vertices for r in regions])
     low, high = np.minimum.reduceat(points, starts), np.maximum.reduceat(points, starts)
     return np.hstack([low, high])
 

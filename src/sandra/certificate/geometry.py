@@ -40,7 +40,14 @@ def bodies(states: Array, body: Body) -> Shapes:
 
 def hulls(points: Array) -> Shapes:
     """(n,) convex hulls of n sets of m points (n, m, 2)."""
-    return np.atleast_1d(shapely.convex_hull(shapely.multipoints(points)))
+    return np.atleast_1d(shapely.convex_hull(_multipoints(points)))
+
+
+def _multipoints(points: Array) -> Shapes:
+    n, m = points.shape[:2]
+    ends = m * np.arange(n + 1)
+    flat = points.reshape(-1, 2)
+    return np.asarray(shapely.from_ragged_array(shapely.GeometryType.MULTIPOINT, flat, (ends,)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,10 +96,10 @@ def convex(regions: Iterable[Region]) -> tuple[Shapes, Array]:
     several = tuple(regions)
     if not several:
         return np.empty(0, dtype=object), np.empty(0)
-    owner = np.repeat(np.arange(len(several)), [len(r.vertices) for r in several])
-    points = shapely.points(np.vstack([r.vertices for r in several]))
-    found = shapely.convex_hull(shapely.multipoints(points, indices=owner))
-    return np.atleast_1d(found), np.array([r.radius for r in several], dtype=float)
+    ends = np.cumsum([0, *(len(r.vertices) for r in several)])
+    corners = np.concatenate([r.vertices for r in several])
+    points = shapely.from_ragged_array(shapely.GeometryType.MULTIPOINT, corners, (ends,))
+    return shapely.convex_hull(points), np.array([r.radius for r in several], dtype=float)
 
 
 def outline(lanelet: Pavement) -> Any:

@@ -18,7 +18,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from sandra.certificate.geometry import Shapes, convex, outline
+from sandra.certificate.geometry import Shapes, convex, hulls, outline
 from sandra.certificate.report import Checked, Violation
 from sandra.certificate.types import Certificate, Participant
 from sandra.scene.types import Region
@@ -46,7 +46,7 @@ class _Played:
     kind: str
     interval: int
     regions: tuple[Region, ...]
-    body: Region
+    body: Any
     within: Any = None
 
 
@@ -54,7 +54,7 @@ def occupancies(c: Certificate) -> Checked | Violation:
     """No region is too small for behaviour that is allowed for sure."""
     played = [each for obstacle in c.obstacles for each in _trajectory(c, obstacle)]
     played += _standing_still(c) + _straight_on(c)
-    shapes = _shapes([each.body for each in played])
+    shapes = np.array([each.body for each in played], dtype=object)
     homes = [each.within for each in played]
     allowed = np.array([home is None for home in homes], dtype=np.bool_)
     bound = np.flatnonzero(~allowed)
@@ -78,10 +78,8 @@ def _trajectory(c: Certificate, o: Participant) -> Iterator[_Played]:
     if c.prediction not in TRAJECTORIES or "recorded occupancies" in o.basis:
         return
     there = np.isfinite(o.states[:, 0])
-    placed = [
-        o.outline.placed(*row[:3]) if yes else None
-        for row, yes in zip(o.states, there, strict=True)
-    ]
+    placed = np.full(len(o.states), None, dtype=object)
+    placed[there] = _placed(o.outline, o.states[there, :3])
     for k in range(c.horizon):
         for body in placed[k : k + 2]:
             if body is not None:
@@ -91,9 +89,10 @@ def _trajectory(c: Certificate, o: Participant) -> Iterator[_Played]:
 def _standing_still(c: Certificate) -> list[_Played]:
     """Static obstacles, where they are."""
     return [
-        _Played(o.id, c.set_based, k, o.possible[k], o.outline.placed(*o.states[0, :3]))
+        _Played(o.id, c.set_based, k, o.possible[k], body)
         for o in c.obstacles
         if o.is_static and np.isfinite(o.states[0, 0])
+        for body in _placed(o.outline, o.states[:1, :3])
         for k in _some(len(o.possible))
     ]
 
@@ -117,8 +116,8 @@ def _straight_on(c: Certificate) -> list[_Played]:
     ]
     areas = np.array([outline(x) for x in c.lanelets], dtype=object)
     courses = np.array([_mean_heading(x.left) for x in c.lanelets])
-    now = _shapes([o.outline.placed(*o.states[0, :3]) for o in driving])
-    inside = shapely.covers(areas[None, :], now[:, None])
+    now = [_placed(o.outline, o.states[:1, :3])[0] for o in driving]
+    inside = shapely.covers(areas[None, :], np.array(now, dtype=object)[:, None])
     headings = np.array([o.states[0, 2] for o in driving])
     turned = np.abs(np.remainder(courses - headings[:, None] + np.pi, 2 * np.pi) - np.pi)
     a = c.settings.assumptions
@@ -126,15 +125,16 @@ def _straight_on(c: Certificate) -> list[_Played]:
     for o, homes in zip(driving, inside & (turned <= ALONG), strict=True):
         if not homes.any():
             continue
+        home = areas[int(np.argmax(homes))]
         x, y, heading, speed = o.states[0, :4].tolist()
-        for k in _some(len(o.possible)):
-            for acceleration in (-a.max_acceleration, 0.0, a.max_acceleration):
-                way = _travelled(speed, acceleration, max(a.max_speed, speed), (k + 1) * c.dt)
-                body = o.outline.placed(
-                    x + way * math.cos(heading), y + way * math.sin(heading), heading
-                )
-                home = areas[int(np.argmax(homes))]
-                found.append(_Played(o.id, c.set_based, k, o.possible[k], body, home))
+        plays = [(k, p) for k in _some(len(o.possible)) for p in (-1.0, 0.0, 1.0)]
+        way = [
+            _travelled(speed, p * a.max_acceleration, max(a.max_speed, speed), (k + 1) * c.dt)
+            for k, p in plays
+        ]
+        rows = [(x + s * math.cos(heading), y + s * math.sin(heading), heading) for s in way]
+        for (k, _), body in zip(plays, _placed(o.outline, np.array(rows)), strict=True):
+            found.append(_Played(o.id, c.set_based, k, o.possible[k], body, home))
     return found
 
 
@@ -152,22 +152,30 @@ def _mean_heading(line: Array) -> float:
     return math.atan2(dy, dx)
 
 
-def _shapes(regions: list[Region]) -> Shapes:
-    shapes, radii = convex(regions)
-    round_ones = radii > 0.0
-    shapes[round_ones] = shapely.buffer(shapes[round_ones], radii[round_ones])
-    return shapes
+def _placed(outline: Region, poses: Array) -> Shapes:
+    """(n,) the outline at poses (n, 3) x, y, heading."""
+    cosine, sine = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+    turned = np.stack([cosine, sine, -sine, cosine], axis=1).reshape(-1, 2, 2)
+    shapes = hulls(outline.vertices @ turned + poses[:, None, :2])
+    return np.atleast_1d(shapely.buffer(shapes, outline.radius)) if outline.radius > 0.0 else shapes
 
 
 def _held(regions: list[tuple[Region, ...]], shapes: Shapes) -> NDArray[np.bool_]:
     """(n,) whether the union of regions i holds shape i, but for `SLACK`."""
-    owner = np.repeat(np.arange(len(regions)), [len(x) for x in regions])
-    hulls, radii = convex(region for several in regions for region in several)
+    # Many shapes are looked for in the same regions.
+    different = {id(several): several for several in regions}
+    place = {key: i for i, key in enumerate(different)}
+    sizes = np.array([len(several) for several in different.values()], dtype=int)
+    begin = np.cumsum([0, *sizes])
+    hulls, radii = convex(region for several in different.values() for region in several)
+    mine = np.array([place[id(several)] for several in regions], dtype=int)
+    owner = np.repeat(np.arange(len(shapes)), sizes[mine])
+    rank = np.arange(len(owner)) - np.repeat(np.cumsum(sizes[mine]) - sizes[mine], sizes[mine])
     held = np.zeros(len(shapes), dtype=np.bool_)
     # Mostly one region holds the body as it is, and no shape has to be widened or united.
-    np.logical_or.at(held, owner, shapely.covers(hulls, shapes[owner]))
+    np.logical_or.at(held, owner, shapely.covers(hulls[begin[mine[owner]] + rank], shapes[owner]))
     for i in np.flatnonzero(~held):
-        mine = owner == i
-        union = shapely.union_all(shapely.buffer(hulls[mine], radii[mine] + SLACK))
+        part = slice(begin[mine[i]], begin[mine[i] + 1])
+        union = shapely.union_all(shapely.buffer(hulls[part], radii[part] + SLACK))
         held[i] = bool(shapely.covers(union, shapes[i]))
     return held
