@@ -6,7 +6,7 @@ BIN := .venv/bin
 export OMP_NUM_THREADS := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test check soundness bench scenarios lock clean
+.PHONY: help demo test coverage check soundness bench scenarios lock clean
 
 help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z.]+:.*## /{printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -28,6 +28,10 @@ demo: .venv/.installed  ## decide the intersection scenario with the built-in ra
 
 test: .venv/.installed  ## the tests
 	$(BIN)/python -m pytest -n 2
+
+coverage: .venv/.installed  ## lines and branches of the safety core that the tests reach (minutes)
+	$(BIN)/python -m pytest -n 2 --cov=sandra --cov-branch --cov-report=json:.coverage.json
+	$(BIN)/python scripts/check_coverage.py .coverage.json
 
 check: .venv/.installed  ## format, lint, types, import contract, links of the documents
 	$(BIN)/ruff format --check .
