@@ -6,7 +6,7 @@ BIN := .venv/bin
 export OMP_NUM_THREADS := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test coverage check soundness bench scenarios lock clean
+.PHONY: help demo test coverage check soundness mutation bench scenarios lock clean
 
 help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z.]+:.*## /{printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -46,6 +46,18 @@ soundness: .venv/.installed  ## many random trajectories against the reachable s
 bench: .venv/.installed  ## what a decision costs, stage by stage
 	$(BIN)/sandra bench decide
 
+.venv-mutation/.installed: requirements.lock scripts/mutation/requirements.txt
+	$(PYTHON) -m venv .venv-mutation
+	.venv-mutation/bin/python -m pip install --quiet --disable-pip-version-check --no-deps -r requirements.lock
+	.venv-mutation/bin/python -m pip install --quiet --disable-pip-version-check --no-deps -r scripts/mutation/requirements.txt
+	@touch $@
+
+ROOM ?=
+SAMPLE ?= 200
+WORKERS ?= 1
+mutation: .venv-mutation/.installed  ## do the tests see small changes of the safety core? [ROOM=logic SAMPLE=all WORKERS=2]
+	.venv-mutation/bin/python scripts/mutation_score.py $(ROOM) --sample $(SAMPLE) --workers $(WORKERS) $(ARGS)
+
 scenarios: .venv/.installed  ## make the project's own scenarios anew
 	$(BIN)/python scripts/make_scenarios.py
 
@@ -55,4 +67,4 @@ lock:  ## resolve requirements.lock anew (needs uv)
 	  --output-file requirements.lock pyproject.toml
 
 clean:  ## remove the virtual environment, caches and pictures
-	rm -rf .venv demo build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf .venv .venv-mutation .mutation demo build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache

@@ -1,0 +1,74 @@
+"""Scores: how many mutants the tests kill, by room, comparisons apart."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from math import sqrt
+
+from mutation.mutants import COMPARISON, Mutant
+from mutation.survivors import EQUIVALENT, Entry, explanation
+
+Result = tuple[Mutant, str]
+"""A mutant and what became of it: "killed", "timeout", "survived" or "not covered"."""
+DEAD = ("killed", "timeout")
+
+
+@dataclass(frozen=True)
+class Score:
+    """Numbers of mutants: all there are, run, killed, and survivors by their entry."""
+
+    all: int
+    run: int
+    killed: int
+    equivalent: int
+    accepted: int
+    unexplained: int
+
+    @property
+    def relevant(self) -> int:
+        """Those that a test could kill: run, without the equivalent ones."""
+        return self.run - self.equivalent
+
+    @property
+    def share(self) -> float:
+        return self.killed / self.relevant if self.relevant else 1.0
+
+    def interval(self) -> tuple[float, float]:
+        """Wilson's 95 % interval of the share, where only a sample was run."""
+        if self.run >= self.all or not self.relevant:
+            return self.share, self.share
+        z, n, p = 1.96, self.relevant, self.share
+        centre, half = p + z * z / (2 * n), z * sqrt(p * (1 - p) / n + z * z / (4 * n * n))
+        return (centre - half) / (1 + z * z / n), (centre + half) / (1 + z * z / n)
+
+
+def score(all_mutants: int, results: Sequence[Result], entries: Iterable[Entry]) -> Score:
+    entries = list(entries)
+    reasons = [explanation(m, entries) for m, status in results if status not in DEAD]
+    return Score(
+        all=all_mutants,
+        run=len(results),
+        killed=sum(status in DEAD for _, status in results),
+        equivalent=sum(e is not None and e.kind == EQUIVALENT for e in reasons),
+        accepted=sum(e is not None and e.kind != EQUIVALENT for e in reasons),
+        unexplained=sum(e is None for e in reasons),
+    )
+
+
+HEADER = (
+    "| room | class | mutants | run | killed | equivalent | accepted | unexplained | score |\n"
+    "|---|---|--:|--:|--:|--:|--:|--:|--:|"
+)
+
+
+def row(room: str, kind: str, s: Score) -> str:
+    low, high = s.interval()
+    spread = "" if s.run >= s.all else f" ({100 * low:.1f} to {100 * high:.1f} %)"
+    cells = (s.all, s.run, s.killed, s.equivalent, s.accepted, s.unexplained)
+    numbers = " | ".join(str(cell) for cell in cells)
+    return f"| `{room}` | {kind} | {numbers} | {100 * s.share:.1f} %{spread} |"
+
+
+def kind_name(kind: str) -> str:
+    return "comparisons" if kind == COMPARISON else "others"
