@@ -12,14 +12,13 @@ from hypothesis.extra import numpy as hnp
 from sandra.prediction.geometry import (
     clip,
     clip_all,
-    convex_hull,
     directions,
-    distances,
     minkowski,
     polygons_from_support,
     stack,
     unpadded,
 )
+from sandra.scene.convex import hull as convex_hull
 
 coordinates = st.floats(-20, 20, allow_nan=False).map(lambda v: round(v, 3))
 clouds = hnp.arrays(np.float64, st.tuples(st.integers(1, 9), st.just(2)), elements=coordinates)
@@ -82,9 +81,3 @@ def test_polygon_from_support_touches_a_circle() -> None:
     assert np.allclose(np.hypot(*polygon.T), 2 / np.cos(np.pi / 16))
     with pytest.raises(ValueError, match="no point"):
         polygons_from_support(normals, np.full((1, 16), -1.0))
-
-
-def test_distances() -> None:
-    square = np.array([[[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]])
-    points = np.array([[0.5, 0.5], [2.0, 0.5], [2.0, 2.0]])
-    assert distances(points, square)[:, 0] == pytest.approx([0.0, 1.0, np.sqrt(2)])

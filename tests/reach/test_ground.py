@@ -3,34 +3,12 @@
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given
-from hypothesis import strategies as st
 
 from reach_particles import road, shape
 from reach_scenes import Course, prediction
 from sandra.reach import Ground, ground
-from sandra.reach.ground import distance
 from sandra.scene.types import Region
 from sandra.settings import Settings
-
-coordinate = st.floats(-20.0, 20.0).map(lambda x: round(x, 2))
-
-
-@given(
-    st.lists(st.tuples(coordinate, coordinate), min_size=1, max_size=7),
-    st.lists(st.tuples(coordinate, coordinate), min_size=1, max_size=20),
-)
-def test_distance_agrees_with_shapely(
-    corners: list[tuple[float, float]], points: list[tuple[float, float]]
-) -> None:
-    body = shapely.MultiPoint(corners).convex_hull
-    vertices = shapely.get_coordinates(body)
-    if len(vertices) > 2:
-        vertices = vertices[:-1]
-    found = distance(np.array(points), vertices)
-    assert found == pytest.approx(shapely.distance(body, shapely.points(points)), abs=1e-9)
-    # either direction of turning
-    assert distance(np.array(points), vertices[::-1]) == pytest.approx(found, abs=1e-9)
 
 
 def crowded(course: Course, horizon: int = 25) -> Ground:

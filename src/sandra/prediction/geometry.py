@@ -1,4 +1,4 @@
-"""Convex polygons in batches: clipping, Minkowski sums, hulls, distances.
+"""Convex polygons in batches: clipping, Minkowski sums.
 
 A batch is an array (N, V, 2): N convex polygons, counter-clockwise, each padded to V vertices by
 repeating its last one. Degenerate polygons (a segment, a point) are polygons too.
@@ -21,34 +21,12 @@ def directions(count: int, first: float = 0.0) -> Array:
     return np.column_stack([np.cos(angle), np.sin(angle)])
 
 
-def convex_hull(points: Array) -> Array:
-    """(m, 2) points -> (n, 2) vertices of their hull, counter-clockwise, n >= 1."""
-    rows = sorted(set(map(tuple, points.tolist())))
-    if len(rows) <= 2:
-        return np.array(rows)
-
-    def chain(sequence: list[tuple[float, ...]]) -> list[tuple[float, ...]]:
-        out: list[tuple[float, ...]] = []
-        for p in sequence:
-            while len(out) >= 2:
-                (ax, ay), (bx, by) = out[-2], out[-1]
-                if (bx - ax) * (p[1] - ay) - (by - ay) * (p[0] - ax) > 0.0:
-                    break
-                out.pop()
-            out.append(p)
-        return out[:-1]
-
-    return np.array(chain(rows) + chain(rows[::-1]))
-
-
 def stack(polygons: list[Array]) -> Array:
     """Polygons (n_i, 2) -> one batch (N, V, 2)."""
-    width = max(len(p) for p in polygons)
-    out = np.empty((len(polygons), width, 2))
-    for row, polygon in zip(out, polygons, strict=True):
-        row[: len(polygon)] = polygon
-        row[len(polygon) :] = polygon[-1]
-    return out
+    sizes = np.array([len(p) for p in polygons])
+    column = np.minimum(np.arange(sizes.max()), sizes[:, None] - 1)
+    stacked: Array = np.concatenate(polygons)[(np.cumsum(sizes) - sizes)[:, None] + column]
+    return stacked
 
 
 def _compact(points: Array, keep: Mask) -> Array:
@@ -152,19 +130,3 @@ def unpadded(batch: Array) -> list[Array]:
     moved = np.abs(batch - np.roll(batch, 1, axis=1)).max(axis=2) > _EPS
     moved[:, 0] |= ~moved.any(axis=1)
     return [polygon[keep] for polygon, keep in zip(batch, moved, strict=True)]
-
-
-def distances(points: Array, quads: Array) -> Array:
-    """Distance of each point (m, 2) to each convex polygon (n, v, 2): (m, n) [m]; 0 inside."""
-    a = quads[None]
-    b = np.roll(quads, -1, axis=1)[None]
-    p = points[:, None, None, :]
-    edge = b - a
-    length2 = (edge**2).sum(axis=-1)
-    along = ((p - a) * edge).sum(axis=-1) / np.where(length2 > 0, length2, 1.0)
-    foot = a + np.clip(along, 0.0, 1.0)[..., None] * edge
-    distance = np.sqrt(((p - foot) ** 2).sum(axis=-1)).min(axis=-1)
-    cross = edge[..., 0] * (p - a)[..., 1] - edge[..., 1] * (p - a)[..., 0]
-    inside = (cross >= 0.0).all(axis=-1)
-    result: Array = np.where(inside, 0.0, distance)
-    return result

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sandra.errors import ScenarioError
-from sandra.prediction.geometry import convex_hull, distances
+from sandra.scene.convex import distance, hull
 from sandra.scene.types import Lanelet
 
 Array = NDArray[np.float64]
@@ -138,7 +138,7 @@ class LaneMap:
             boxes = np.flatnonzero(~beside.any(axis=1))
             if not len(boxes):
                 continue
-            near = distances(point, strip.cells[boxes])[0]
+            near = distance(point, strip.cells[boxes])
             i = int(boxes[near.argmin()])
             if near.min() > tolerance:
                 continue
@@ -360,11 +360,11 @@ def _straight_slices(right: Array, left: Array) -> list[Slice]:
             if last + step < n and _is_straight(right, left, first, last + step):
                 last += step
             step //= 2
-        hull = convex_hull(np.vstack([right[first : last + 1], left[first : last + 1]]))
+        outline = hull(np.vstack([right[first : last + 1], left[first : last + 1]]))
         along = (right[last] + left[last] - right[first] - left[first]) / 2
         length = float(np.hypot(*along))
         unit = along / length if length > 0 else np.array([1.0, 0.0])
-        slices.append(Slice(first, last, hull, unit, np.inf, np.inf))
+        slices.append(Slice(first, last, outline, unit, np.inf, np.inf))
         first = last
     return slices
 

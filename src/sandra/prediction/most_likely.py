@@ -16,11 +16,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from sandra.prediction.geometry import convex_hull
 from sandra.prediction.lanes import LaneMap, Place, Strip, build_map
 from sandra.prediction.motion import circumscribed
 from sandra.prediction.observed import FIXED_KINDS, is_fixed
 from sandra.prediction.types import PredictedObstacle
+from sandra.scene.convex import hull
 from sandra.scene.types import Obstacle, Region, Scene
 
 Array = NDArray[np.float64]
@@ -266,8 +266,8 @@ def _with_body(
         # by the error of linear interpolation, r dtheta^2 / 8.
         turn = states[k + 1, 2] - states[k, 2]
         turn = (turn + math.pi) % (2 * math.pi) - math.pi
-        hull = convex_hull(np.vstack([now[0].vertices, then[0].vertices]))
-        between.append((Region(hull, obstacle.outline.radius + radius * float(turn) ** 2 / 8),))
+        swept = hull(np.vstack([now[0].vertices, then[0].vertices]))
+        between.append((Region(swept, obstacle.outline.radius + radius * float(turn) ** 2 / 8),))
     return PredictedObstacle(obstacle, at, tuple(between), states, assumptions)
 
 

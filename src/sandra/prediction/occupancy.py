@@ -14,7 +14,6 @@ from sandra.prediction import lane_sets
 from sandra.prediction.geometry import (
     clip,
     clip_all,
-    distances,
     minkowski,
     polygons_from_support,
     stack,
@@ -24,6 +23,7 @@ from sandra.prediction.lane_sets import LaneSets, Node, Rules, Stretch
 from sandra.prediction.lanes import LaneMap, Place, Slice, Strip
 from sandra.prediction.motion import MARGIN, circumscribed
 from sandra.prediction.observed import Observed, TowardsEgo
+from sandra.scene.convex import distance
 from sandra.scene.types import Obstacle, Region, Scene, State
 
 Array = NDArray[np.float64]
@@ -213,7 +213,7 @@ class Follower:
         near = np.abs(road - corners.mean(axis=0)).max(axis=2).min(axis=1) < 3 * self.radius + 5.0
         if not near.any():
             return self.max_overhang
-        out = distances(corners, road[near]).min(axis=1)
+        out = distance(corners[:, None], road[near]).min(axis=1)
         return max(self.max_overhang, float(out.max()) + self.start_body.radius + MARGIN)
 
 

@@ -1,4 +1,4 @@
-"""Convex hulls in the plane."""
+"""Convex polygons in the plane: hulls and distances."""
 
 from __future__ import annotations
 
@@ -13,20 +13,40 @@ def hull(points: Array) -> Array:
 
     Andrew's monotone chain. One or two distinct points are returned as they are.
     """
-    distinct = np.unique(np.asarray(points, dtype=float)[:, :2], axis=0)
-    if len(distinct) < 3:
-        return distinct
-    chains = []
-    for side in (distinct, distinct[::-1]):
-        chain: list[Array] = []
-        for p in side:
-            while len(chain) > 1 and _turn(chain[-2], chain[-1], p) <= 0:
-                chain.pop()
-            chain.append(p)
-        chains.append(chain[:-1])
-    return np.array(chains[0] + chains[1])
+    rows = sorted(set(map(tuple, np.asarray(points, dtype=float)[:, :2].tolist())))
+    if len(rows) < 3:
+        return np.array(rows).reshape(-1, 2)
+    return np.array(_chain(rows) + _chain(rows[::-1]))
 
 
-def _turn(a: Array, b: Array, c: Array) -> float:
-    """Twice the signed area of a triangle; positive if it turns left."""
-    return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
+def _chain(points: list[tuple[float, ...]]) -> list[tuple[float, ...]]:
+    """Half a hull of sorted points, without its last one."""
+    chain: list[tuple[float, ...]] = []
+    for p in points:
+        while len(chain) > 1:
+            (ax, ay), (bx, by) = chain[-2], chain[-1]
+            if (bx - ax) * (p[1] - ay) - (by - ay) * (p[0] - ax) > 0.0:
+                break
+            chain.pop()
+        chain.append(p)
+    return chain[:-1]
+
+
+def distance(points: Array, polygons: Array) -> Array:
+    """Distances of points (..., 2) to convex polygons (..., n, 2), 0 inside [m].
+
+    The leading dimensions are broadcast. Polygons may turn either way, repeat vertices, and be
+    segments or single points.
+    """
+    x, y = polygons[..., 0], polygons[..., 1]
+    edge_x, edge_y = np.roll(x, -1, axis=-1) - x, np.roll(y, -1, axis=-1) - y
+    squared = np.maximum(edge_x**2 + edge_y**2, 1e-18)
+    away_x, away_y = points[..., None, 0] - x, points[..., None, 1] - y
+    along = np.clip((away_x * edge_x + away_y * edge_y) / squared, 0.0, 1.0)
+    gap_x, gap_y = away_x - along * edge_x, away_y - along * edge_y
+    shortest = np.sqrt((gap_x**2 + gap_y**2).min(axis=-1))
+    # Twice the area: what has none has no inside.
+    area = ((x - x[..., :1]) * edge_y - (y - y[..., :1]) * edge_x).sum(axis=-1)
+    turned = (edge_x * away_y - edge_y * away_x) * np.sign(area)[..., None]
+    inside = (turned >= 0.0).all(axis=-1) & (np.abs(area) > 1e-12)
+    return np.asarray(np.where(inside, 0.0, shortest))

@@ -1,0 +1,88 @@
+"""The ego's initial set, and the lattice over all that it can reach from there."""
+
+from __future__ import annotations
+
+from math import cos, sin
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sandra.reach.lattice import Lattice
+from sandra.reach.polygon import Polygon
+from sandra.scene.types import Scene
+from sandra.settings import Settings
+
+Array = NDArray[np.float64]
+
+LATERAL_REACH = 1.0
+"""The lattice reaches so far beyond the outermost lane borders [m]."""
+
+
+def initial_set(scene: Scene, settings: Settings) -> tuple[Polygon, Polygon]:
+    """The initial state in the lane frame, widened by its measurement uncertainty."""
+    s, d, heading, _ = scene.ego_curvilinear
+    kappa = float(scene.frame.curvature(np.array([s]))[0])
+    speed = scene.ego.state.speed
+    v_s = speed * cos(heading) / (1.0 - kappa * d)
+    v_d = speed * sin(heading)
+    ds, dv = settings.s_uncertainty, settings.v_uncertainty
+    return _box(s, v_s, ds, dv), _box(d, v_d, ds, dv)
+
+
+def _box(x: float, v: float, dx: float, dv: float) -> Polygon:
+    if dx == 0.0 and dv == 0.0:
+        return [(x, v)]
+    if dx == 0.0:
+        return [(x, v - dv), (x, v + dv)]
+    if dv == 0.0:
+        return [(x - dx, v), (x + dx, v)]
+    return [(x - dx, v - dv), (x + dx, v - dv), (x + dx, v + dv), (x - dx, v + dv)]
+
+
+def lattice_of(
+    scene: Scene, horizon: int, lon: Polygon, lat: Polygon, settings: Settings
+) -> Lattice:
+    """Cells over all that the free set can touch, laterally as far as the road goes."""
+    duration = horizon * scene.dt
+    farthest = max(
+        s + min(v * duration + settings.a_lon_max * duration**2 / 2, settings.v_max * duration)
+        if v <= settings.v_max
+        else s + v * duration
+        for s, v in lon
+    )
+    # Within a step the speed may leave its bounds and come back: by the end of it, a quarter of
+    # a dt^2 further at most.
+    swing = horizon * max(abs(settings.a_lon_min), abs(settings.a_lon_max)) * scene.dt**2 / 4
+    s_range = (min(s for s, _ in lon) - swing - 1.0, farthest + swing + 1.0)
+    reach = [
+        d + sign * (abs(v) * duration + settings.a_lat_max * duration**2 / 2)
+        for d, v in lat
+        for sign in (-1.0, 1.0)
+    ]
+    low, high = min(reach), max(reach)
+    near = _borders_between(scene, s_range, max(abs(low), abs(high)))
+    if near.size:
+        low = max(low, min(float(near.min()), min(d for d, _ in lat)) - LATERAL_REACH)
+        high = min(high, max(float(near.max()), max(d for d, _ in lat)) + LATERAL_REACH)
+    return Lattice.around(s_range, (low, high), settings.cell_s, settings.cell_d)
+
+
+def _borders_between(scene: Scene, s_range: tuple[float, float], reach: float) -> Array:
+    """d of points of all lanelets' borders, no more than 1 m apart, within a range of s."""
+    ego = np.array([scene.ego.state.x, scene.ego.state.y])
+    farthest = s_range[1] - s_range[0] + 2 * reach + abs(scene.ego_curvilinear[1])
+    found = []
+    for lanelet in scene.lanelets:
+        for line in (lanelet.left, lanelet.right):
+            lengths = np.hypot(*np.diff(line, axis=0).T)
+            at = np.concatenate([[0.0], np.cumsum(lengths)])
+            if np.hypot(*(line - ego).T).min() - lengths.max(initial=0.0) > farthest:
+                continue
+            dense = np.union1d(at, np.arange(0.0, at[-1], 1.0))
+            found.append(np.column_stack([np.interp(dense, at, line[:, i]) for i in (0, 1)]))
+    if not found:
+        return np.zeros(0)
+    every = np.vstack(found)
+    points = scene.frame.to_curvilinear(every[np.hypot(*(every - ego).T) <= farthest])
+    inside = (points[:, 0] >= s_range[0]) & (points[:, 0] <= s_range[1])
+    return np.asarray(points[inside, 1])
