@@ -6,10 +6,10 @@ BIN := .venv/bin
 export OMP_NUM_THREADS := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test check soundness scenarios lock clean
+.PHONY: help demo test check soundness scenarios example-planner lock clean
 
 help:  ## list the targets
-	@awk -F ':.*## ' '/^[a-z.]+:.*## /{printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z.-]+:.*## /{printf "  make %-15s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 .venv: .venv/.installed  ## the virtual environment, from requirements.lock
 
@@ -42,10 +42,19 @@ soundness: .venv/.installed  ## many random trajectories against the reachable s
 scenarios: .venv/.installed  ## make the project's own scenarios anew
 	$(BIN)/python scripts/make_scenarios.py
 
+example-planner: .venv/.installed .venv-planner/.installed  ## a published planner in our corridor; picture in demo/
+	$(BIN)/python examples/reactive_planner/run.py
+
+# That planner needs an older commonroad-io than we do, hence an environment of its own.
+.venv-planner/.installed: examples/reactive_planner/requirements.txt
+	$(PYTHON) -m venv .venv-planner
+	.venv-planner/bin/python -m pip install --quiet --disable-pip-version-check --no-deps -r $<
+	@touch $@
+
 lock:  ## resolve requirements.lock anew (needs uv)
 	uv pip compile --quiet --universal --python-version 3.11 --group dev --generate-hashes \
 	  --no-emit-index-url --no-emit-find-links --custom-compile-command "make lock" \
 	  --output-file requirements.lock pyproject.toml
 
 clean:  ## remove the virtual environment, caches and pictures
-	rm -rf .venv demo build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf .venv .venv-planner demo build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache

@@ -18,6 +18,7 @@ from sandra.errors import SandraError
 if TYPE_CHECKING:
     from sandra.decision import Decision
     from sandra.logic import Vocabulary
+    from sandra.reach import Verdicts
     from sandra.scene import Scene
     from sandra.settings import Settings
 
@@ -164,6 +165,9 @@ def _add_verify(commands: Any) -> None:
     choice.add_argument("--pair", metavar="PAIR", help="e.g. accelerate,right-lane")
     choice.add_argument("--all", action="store_true", help="all twelve pairs")
     _add_verification(parser)
+    parser.add_argument(
+        "--corridor", metavar="FILE", help="write the pair's corridor (JSON) for a planner of yours"
+    )
     parser.set_defaults(run=_verify)
 
 
@@ -298,6 +302,8 @@ def _verify(arguments: argparse.Namespace) -> int:
     from sandra.logic import parse_rules
     from sandra.reach import Status, verify
 
+    if arguments.corridor and arguments.all:
+        raise SandraError("--corridor is that of one pair: give --pair instead of --all")
     settings = _settings(arguments)
     scene = _scene(arguments, settings)
     _progress("verify")
@@ -312,6 +318,7 @@ def _verify(arguments: argparse.Namespace) -> int:
     )
     _progress("")
     figure = _figure(verdicts, arguments.figure)
+    corridor = _corridor(verdicts, arguments.corridor)
     if arguments.json:
         prediction = verdicts.ground.prediction
         _print_json(
@@ -324,6 +331,7 @@ def _verify(arguments: argparse.Namespace) -> int:
                 "dt": scene.dt,
                 "verdicts": verdicts.to_list(),
                 "figure": figure,
+                "corridor": corridor,
             }
         )
     else:
@@ -332,8 +340,23 @@ def _verify(arguments: argparse.Namespace) -> int:
         print(verdicts)
         if figure:
             print(f"picture: {figure}")
+        if corridor:
+            print(f"corridor: {corridor}")
+        elif arguments.corridor:
+            print("corridor: none is written, the pair has none")
     unsafe = not arguments.all and verdicts[0].status is Status.UNSAFE
     return 1 if unsafe else 0
+
+
+def _corridor(verdicts: Verdicts, path: str | None) -> str | None:
+    if path is None or verdicts[0].first_empty_step is not None:
+        return None
+    text = json.dumps(verdicts.corridor(0), allow_nan=False)
+    try:
+        Path(path).write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise SandraError(f"{path}: cannot be written ({error.strerror})") from None
+    return path
 
 
 def _prompt(arguments: argparse.Namespace) -> int:
