@@ -137,6 +137,29 @@ def test_verify_of_an_unsafe_pair_exits_1(capsys: pytest.CaptureFixture[str]) ->
     assert "UNSAFE" in capsys.readouterr().out
 
 
+def test_verify_writes_the_corridor_of_a_pair(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "corridor.json"
+    asked = ["verify", "intersection", "--pair", "decelerate,follow-lane"]
+    assert main([*asked, "--corridor", str(file), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["corridor"] == str(file)
+    data = json.loads(file.read_text(encoding="utf-8"))
+    assert len(data["steps"]) == data["horizon"] + 1
+    assert data["pair"] == {"longitudinal": "decelerate", "lateral": "follow-lane"}
+
+    # A pair without a corridor, all pairs at once, a place that cannot be written.
+    other = tmp_path / "none.json"
+    unsafe = ["verify", "nothing-safe", "--pair", "keep,follow-lane"]
+    assert main([*unsafe, "--corridor", str(other)]) == 1
+    assert "none is written" in capsys.readouterr().out
+    assert not other.exists()
+    assert main(["verify", "intersection", "--all", "--corridor", str(other)]) == 2
+    assert "--pair" in capsys.readouterr().err
+    assert main([*asked, "--corridor", str(tmp_path)]) == 2
+    assert "cannot be written" in capsys.readouterr().err
+
+
 def test_prompt_prints_text_and_schema(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["prompt", SCENARIO, "--command", "drive faster", "--json"]) == 0
     data = json.loads(capsys.readouterr().out)

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from sandra.actions import ALL_PAIRS, ActionPair, Lateral, Longitudinal
+    from sandra.certify import certify_trajectory
     from sandra.decider import Decider
     from sandra.decision import Decision, decide
     from sandra.describe import Prompt, prompt
@@ -50,6 +51,7 @@ _HOME = {
     "Verdict": "sandra.reach",
     "Verdicts": "sandra.reach",
     "Vocabulary": "sandra.logic",
+    "certify_trajectory": "sandra.certify",
     "decide": "sandra.decision",
     "example": "sandra.scenarios",
     "examples": "sandra.scenarios",
@@ -81,6 +83,7 @@ __all__ = [
     "Verdicts",
     "Vocabulary",
     "__version__",
+    "certify_trajectory",
     "decide",
     "example",
     "examples",

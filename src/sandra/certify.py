@@ -10,16 +10,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from sandra.actions import ActionPair
 from sandra.certificate import Certificate, Report, certificate, check
+from sandra.errors import SettingsError
 from sandra.logic import Vocabulary
 from sandra.planning.cost import Weights
 from sandra.planning.fail_safe_search import FailSafe, fail_safe, fail_safe_horizon
+from sandra.planning.fail_safe_search import Miss as NoFailSafe
+from sandra.planning.given import driven
 from sandra.planning.surroundings import Surroundings as OfFailSafe
 from sandra.planning.types import Trajectory
 from sandra.planning.witness import Miss, Surroundings, start_state, witness
 from sandra.prediction import Prediction, predict
-from sandra.reach import Ground, Status, Verdict
+from sandra.reach import Ground, Status, Verdict, Verdicts
 
 MILDEST = 4.0
 """The prediction lasts long enough for braking this mild; milder ones are tried as far as it goes
@@ -116,6 +121,75 @@ def certify(
         return replace(verdict, reason=f"no certificate: {found.reason}")
     continuation = search.found
     assert continuation is not None, "a witness is accepted only with its continuation"
+    return _judged(basis, verdict, found, continuation, rules, vocabulary)
+
+
+def certify_trajectory(
+    verdicts: Verdicts,
+    pair: ActionPair | str | int,
+    states: ArrayLike,
+    *,
+    step: float | None = None,
+    t_dec: float | None = None,
+    basis: Basis | None = None,
+    vocabulary: Vocabulary | None = None,
+) -> Verdict:
+    """Certify a trajectory that a planner of the user's own has planned for a pair.
+
+    It is driven with the single-track model, which may not leave it by more than 0.1 m; that drive
+    is the witness. It gets a fail-safe continuation, and the independent checker decides.
+
+    Args:
+        verdicts: of `sandra.verify` or of a decision; they hold scene, prediction and rules.
+        pair: the pair that the trajectory realises, as `ActionPair`, text, or position.
+        states: (n + 1, 4 or more) x, y of the body's centre [m], heading [rad], speed [m/s], the
+            ego's own state first, at least to the horizon.
+        step: seconds between two states, `scene.dt` (default) or an integer part of it.
+        t_dec: when the next decision is due [s], a multiple of `scene.dt`; default one step.
+        basis: `Basis.of(verdicts.ground, t_dec)`, where several trajectories are certified.
+        vocabulary: the one that the pair was verified with, if not the packaged one.
+
+    Returns:
+        CERTIFIED, with the drive as `proof.witness`; else the pair's verdict without a proof, and
+        as its `reason` all that is wrong with the trajectory.
+
+    Raises:
+        KeyError: for a pair that was not verified.
+        SettingsError: for a step or t_dec that is no multiple or part of `scene.dt`, or a basis
+            of something else.
+    """
+    verdict = verdicts[pair]
+    if verdict.status is Status.UNSAFE:
+        return verdict
+    verdict = replace(verdict, status=Status.REACHABLE, proof=None, reason=None)
+    if basis is None:
+        basis = Basis.of(verdicts.ground, t_dec)
+    elif basis.ground is not verdicts.ground or t_dec not in (None, basis.t_dec):
+        raise SettingsError("the basis is of other verdicts or another t_dec: Basis.of(...) anew")
+    found = driven(
+        basis.of_witness,
+        verdict.specification,
+        verdict.reachable_set,
+        states,
+        step,
+    )
+    if isinstance(found, Miss):
+        return replace(verdict, reason=f"no certificate: {found.reason}")
+    continuation = _continuation(basis, found)
+    if not isinstance(continuation, FailSafe):
+        return replace(verdict, reason=f"no certificate: at {basis.t_dec:g} s, {continuation}")
+    return _judged(basis, verdict, found, continuation, verdicts.rules, vocabulary)
+
+
+def _judged(
+    basis: Basis,
+    verdict: Verdict,
+    found: Trajectory,
+    continuation: FailSafe,
+    rules: Sequence[str],
+    vocabulary: Vocabulary | None,
+) -> Verdict:
+    """CERTIFIED if the checker accepts the certificate of both trajectories."""
     proposed = certificate(
         basis.ground.scene,
         verdict.specification,
@@ -136,6 +210,19 @@ def certify(
     return replace(verdict, status=Status.CERTIFIED, proof=proof)
 
 
+def _continuation(basis: Basis, trajectory: Trajectory) -> FailSafe | NoFailSafe:
+    """The fail-safe from a trajectory's state at the next decision."""
+    index = round((basis.t_dec - trajectory.start) / trajectory.tau)
+    return fail_safe(
+        basis.ground.scene,
+        trajectory.states[index],
+        basis.t_dec,
+        basis.set_based,
+        basis.ground.settings,
+        basis.of_fail_safe,
+    )
+
+
 @dataclass(slots=True)
 class _Continuations:
     """Looks for the fail-safe continuation of each witness that is shown; keeps the last found."""
@@ -145,16 +232,7 @@ class _Continuations:
 
     def wrong_with(self, trajectory: Trajectory) -> str | None:
         """None if the witness can be continued safely, else in words why not."""
-        basis = self.basis
-        index = round((basis.t_dec - trajectory.start) / trajectory.tau)
-        found = fail_safe(
-            basis.ground.scene,
-            trajectory.states[index],
-            basis.t_dec,
-            basis.set_based,
-            basis.ground.settings,
-            basis.of_fail_safe,
-        )
+        found = _continuation(self.basis, trajectory)
         if isinstance(found, FailSafe):
             self.found = found
             return None

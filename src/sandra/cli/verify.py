@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from sandra.cli.options import (
     add_scenario,
@@ -14,6 +16,10 @@ from sandra.cli.options import (
     vocabulary_of,
 )
 from sandra.cli.output import figure_of, print_json, progress
+from sandra.errors import SandraError
+
+if TYPE_CHECKING:
+    from sandra.reach import Verdicts
 
 
 def add(commands: Any) -> None:
@@ -28,6 +34,9 @@ def add(commands: Any) -> None:
     choice.add_argument("--pair", metavar="PAIR", help="e.g. accelerate,right-lane")
     choice.add_argument("--all", action="store_true", help="all twelve pairs")
     add_verification(parser)
+    parser.add_argument(
+        "--corridor", metavar="FILE", help="write the pair's corridor (JSON) for a planner of yours"
+    )
     parser.set_defaults(run=_verify)
 
 
@@ -35,6 +44,8 @@ def _verify(arguments: argparse.Namespace) -> int:
     from sandra.logic import parse_rules
     from sandra.reach import Status, verify
 
+    if arguments.corridor and arguments.all:
+        raise SandraError("--corridor is that of one pair: give --pair instead of --all")
     settings = settings_of(arguments)
     scene = scene_of(arguments, settings)
     progress("verify")
@@ -49,6 +60,7 @@ def _verify(arguments: argparse.Namespace) -> int:
     )
     progress("")
     figure = figure_of(verdicts, arguments.figure)
+    corridor = _corridor(verdicts, arguments.corridor)
     if arguments.json:
         prediction = verdicts.ground.prediction
         print_json(
@@ -61,6 +73,7 @@ def _verify(arguments: argparse.Namespace) -> int:
                 "dt": scene.dt,
                 "verdicts": verdicts.to_list(),
                 "figure": figure,
+                "corridor": corridor,
             }
         )
     else:
@@ -69,5 +82,20 @@ def _verify(arguments: argparse.Namespace) -> int:
         print(verdicts)
         if figure:
             print(f"picture: {figure}")
+        if corridor:
+            print(f"corridor: {corridor}")
+        elif arguments.corridor:
+            print("corridor: none is written, the pair has none")
     unsafe = not arguments.all and verdicts[0].status is Status.UNSAFE
     return 1 if unsafe else 0
+
+
+def _corridor(verdicts: Verdicts, path: str | None) -> str | None:
+    if path is None or verdicts[0].first_empty_step is not None:
+        return None
+    text = json.dumps(verdicts.corridor(0), allow_nan=False)
+    try:
+        Path(path).write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise SandraError(f"{path}: cannot be written ({error.strerror})") from None
+    return path

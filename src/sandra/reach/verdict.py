@@ -114,6 +114,15 @@ class Verdicts:
         """The list of the JSON contract."""
         return [verdict.to_dict() for verdict in self.verdicts]
 
+    def corridor(self, pair: ActionPair | str | int) -> dict[str, Any]:
+        """The driving corridor of a pair as plain data, for a planner of the user's own.
+
+        See `sandra.reach.export.corridor_data`.
+        """
+        from sandra.reach.export import corridor_data
+
+        return corridor_data(self, pair)
+
     def figure(self, path: str | Path, **options: Any) -> Path:
         """Draw scenario, prediction, sets and table; see `sandra.view.verdict_figure`."""
         from sandra.view import verdict_figure
