@@ -25,9 +25,9 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "src")]
 
-from mutation import covering, harness, report, survivors
-from mutation.mutants import COMPARISON, OTHER, Mutant, mutants
-from mutation.rooms import ROOMS, module_of, sources
+from mutation import covering, harness, report, survivors  # noqa: E402
+from mutation.mutants import COMPARISON, OTHER, Mutant, mutants  # noqa: E402
+from mutation.rooms import ROOMS, module_of, sources  # noqa: E402
 
 STORE = ROOT / ".mutation"
 LIST = ROOT / "tests" / "mutation.toml"

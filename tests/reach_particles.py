@@ -369,7 +369,8 @@ def in_polygon(polygon: list[tuple[float, float]], points: np.ndarray) -> np.nda
     for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
         e = b - a
         size = np.hypot(*e)
-        if size > 0.0:
+        # The direction of an edge that is hardly longer than its corners' rounding means nothing.
+        if size > 1e-9:
             side = e[0] * (points[:, 1] - a[1]) - e[1] * (points[:, 0] - a[0])
             inside &= side >= -TOLERANCE * size
     return inside
