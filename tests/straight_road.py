@@ -30,6 +30,11 @@ class Road:
     def at(self, s: float, d: float) -> np.ndarray:
         return self.origin + np.array([s, d]) @ self._axes
 
+    def along(self, x: float, y: float) -> tuple[float, float]:
+        """The inverse of `at`: (s, d) of a point of the plane."""
+        s, d = self._axes @ (np.array([x, y]) - self.origin)
+        return float(s), float(d)
+
     def lane(self, relation: str, place: int, *, reverse: bool = False, **changes: Any) -> Lane:
         ends = (-LENGTH / 2, LENGTH / 2)
 
