@@ -9,6 +9,7 @@ import numpy as np
 from sandra.planning.types import Maneuver
 from sandra.reach import Ground, Verdict
 from sandra.view import palette
+from sandra.view.profile import curves_of
 from sandra.view.scene import patch
 from sandra.view.shapes import View
 
@@ -43,19 +44,16 @@ def draw_trajectory(
     from matplotlib.patheffects import Normal, withStroke
 
     line = view.points(maneuver.states)
-    paths = [(line, maneuver.pair is None)]
-    if maneuver.pair is not None and maneuver.fail_safe is not None:
-        paths.append((view.points(maneuver.fail_safe), True))
-    for path, fail_safe in paths:
-        ax.plot(
-            path[:, 0],
-            path[:, 1],
-            color=palette.FAIL_SAFE if fail_safe else palette.TRAJECTORY,
-            linewidth=1.5,
-            linestyle=(0, (4, 1.5)) if fail_safe else "-",
-            zorder=6.0,
-            path_effects=[withStroke(linewidth=2.8, foreground=palette.PAPER), Normal()],
-        )
+    for curve in curves_of(maneuver):
+        path = view.points(curve.states)
+        for kind, rows in curve.parts:
+            ax.plot(
+                path[rows, 0],
+                path[rows, 1],
+                zorder=6.0,
+                path_effects=[withStroke(linewidth=2.8, foreground=palette.PAPER), Normal()],
+                **palette.LINES[kind],
+            )
     steps = np.arange(0, len(line), every)
     ax.scatter(
         line[steps, 0],
