@@ -14,7 +14,7 @@ from sandra.view.chart import TICKS, fit
 from sandra.view.lettering import fitted, width, write
 from sandra.view.page import MARGIN, Page
 from sandra.view.profile import AXIS, BELOW, Curve, draw_profile
-from sandra.view.scene import axes_in, draw_bodies, draw_map, patch
+from sandra.view.scene import axes_in, draw_bodies, draw_map, draw_path, patch
 from sandra.view.shapes import View, Window, bounds, clipped, grown
 
 if TYPE_CHECKING:
@@ -65,10 +65,17 @@ class Driven:
     window: Window
     wide: float
     high: float
+    curves: list[Curve]
+    """Those of the profiles."""
 
     @staticmethod
-    def of(view: View, strips: list[Strip], inner: float) -> Driven:
-        """The row on a page with `inner` inches between its margins."""
+    def of(
+        view: View, strips: list[Strip], inner: float, curves: list[Curve] | None = None
+    ) -> Driven:
+        """The row on a page with `inner` inches between its margins.
+
+        `curves` are those of the profiles, if not those of the strips.
+        """
         ego = view.scene.ego
         start = (ego.state.x, ego.state.y, ego.state.heading)
         shapes = [view.body(ego.outline, start)]
@@ -78,7 +85,8 @@ class Driven:
         wide = SHARE * inner - TICKS
         highest = 2.2 if len(strips) == 1 else 1.6
         window, high = fit(grown(focus, 3.0, 1.6), wide, (1.0, highest), least=25.0)
-        return Driven(strips, window, wide, high)
+        shown = [strip.curve for strip in strips] if curves is None else curves
+        return Driven(strips, window, wide, high, shown)
 
     @property
     def height(self) -> float:
@@ -106,10 +114,21 @@ class Driven:
                 _draw_others(ax, strip, self.window)
             if strip.before is not None:
                 kind, rows = strip.before.parts[0]
-                _draw_path(ax, view.points(strip.before.states[rows]), kind)
+                draw_path(ax, view.points(strip.before.states[rows]), kind, 5.5)
             _draw_along(ax, view, strip.curve, self.wide / (self.window[1] - self.window[0]))
         beside = left + self.wide + 0.25
         _profiles(page, (beside, top, page.width - MARGIN - beside, self.height), self, base)
+
+
+def others_at(base: Ground, view: View, time: float) -> shapely.Geometry | None:
+    """The others' bodies as predicted for a time [s]; None if it lies beyond the horizon."""
+    import shapely
+
+    step = round(time / base.scene.dt)
+    if step > base.horizon:
+        return None
+    predicted = base.prediction.obstacles
+    return shapely.union_all([view.body(o.obstacle.outline, o.states[step]) for o in predicted])
 
 
 def _profiles(
@@ -121,7 +140,7 @@ def _profiles(
     draw_profile(
         page,
         (left, top + CAPTION, wide, high - CAPTION),
-        [strip.curve for strip in row.strips],
+        row.curves,
         (settings.a_lon_min, settings.a_lon_max),
         base.scene.speed_limit,
     )
@@ -163,24 +182,12 @@ def _hatching(shape: shapely.Geometry, window: Window) -> list[Array]:
     return [shapely.get_coordinates(part) for part in parts if part.geom_type == "LineString"]
 
 
-def _draw_path(ax: Any, path: Array, kind: str) -> None:
-    from matplotlib.patheffects import Normal, withStroke
-
-    ax.plot(
-        path[:, 0],
-        path[:, 1],
-        zorder=5.5,
-        path_effects=[withStroke(linewidth=2.8, foreground=palette.PAPER), Normal()],
-        **palette.LINES[kind],
-    )
-
-
 def _draw_along(ax: Any, view: View, curve: Curve, per_metre: float) -> None:
     """The path, and the body at a few instants with their times."""
     ego = view.scene.ego
     path = view.points(curve.states)
     for kind, rows in curve.parts:
-        _draw_path(ax, path[rows], kind)
+        draw_path(ax, path[rows], kind, 5.5)
     state = ego.state
     now = view.body(ego.outline, (state.x, state.y, state.heading))
     patch(ax, now, facecolor=palette.faded(palette.EGO, 0.25), edgecolor="none", zorder=5.1)

@@ -10,7 +10,7 @@ from sandra.planning.types import Maneuver
 from sandra.reach import Ground, Verdict
 from sandra.view import palette
 from sandra.view.profile import curves_of
-from sandra.view.scene import patch
+from sandra.view.scene import draw_path, patch
 from sandra.view.shapes import View
 
 if TYPE_CHECKING:
@@ -41,19 +41,11 @@ def draw_trajectory(
     ax: Any, view: View, maneuver: Maneuver, horizon: int, colours: Any, *, every: int = 5
 ) -> None:
     """The planned path, and the fail-safe one; dots have the colour of their time step."""
-    from matplotlib.patheffects import Normal, withStroke
-
     line = view.points(maneuver.states)
     for curve in curves_of(maneuver):
         path = view.points(curve.states)
         for kind, rows in curve.parts:
-            ax.plot(
-                path[rows, 0],
-                path[rows, 1],
-                zorder=6.0,
-                path_effects=[withStroke(linewidth=2.8, foreground=palette.PAPER), Normal()],
-                **palette.LINES[kind],
-            )
+            draw_path(ax, path[rows], kind, 6.0)
     steps = np.arange(0, len(line), every)
     ax.scatter(
         line[steps, 0],

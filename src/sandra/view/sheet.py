@@ -12,7 +12,7 @@ from sandra.planning.types import Maneuver
 from sandra.reach import Ground
 from sandra.view import header, legend, palette, table
 from sandra.view.chart import CAPTION, TICKS, draw_chart, fit
-from sandra.view.driven import Driven, Strip
+from sandra.view.driven import Driven, Strip, others_at
 from sandra.view.page import MARGIN, Page
 from sandra.view.panels import GAP, Grid, draw_panel
 from sandra.view.profile import curves_of
@@ -166,7 +166,7 @@ def _driven(content: Content, view: View, inner: float) -> Driven | None:
     for curve in curves_of(maneuver):
         before = strips[0].curve if strips else None
         end = float(curve.times[-1])
-        others, possible = _others_at(content, view, end), None
+        others, possible = others_at(content.base, view, end), None
         if curve.kind == "planned":
             assert maneuver.pair is not None
             pair = f"{maneuver.pair.longitudinal.value}, {maneuver.pair.lateral.value}"
@@ -184,17 +184,6 @@ def _driven(content: Content, view: View, inner: float) -> Driven | None:
                 caption += "; hatched: where others may be then"
         strips.append(Strip(curve, caption, others, possible, before))
     return Driven.of(view, strips, inner)
-
-
-def _others_at(content: Content, view: View, time: float) -> shapely.Geometry | None:
-    """The others' bodies as predicted for a time; None if it lies beyond the horizon."""
-    import shapely
-
-    step = round(time / content.base.scene.dt)
-    if step > content.base.horizon:
-        return None
-    predicted = content.base.prediction.obstacles
-    return shapely.union_all([view.body(o.obstacle.outline, o.states[step]) for o in predicted])
 
 
 def _possible_at(content: Content, view: View, time: float) -> shapely.Geometry | None:
