@@ -10,7 +10,7 @@ import pytest
 
 import sandra
 from sandra.certificate import check_file, save
-from sandra.certify import Basis, Proven
+from sandra.certify import Basis, Proven, certify
 from sandra.errors import SandraError, SettingsError
 from sandra.prediction import predict
 from sandra.reach import Status, Verdicts, ground, verify_on
@@ -220,6 +220,20 @@ def test_a_certified_verdict_is_judged_anew() -> None:
     own = certified.proof.witness.every(scene.dt)
     again = sandra.certify_trajectory(decision.verdicts, PAIR, own)
     assert again.status is Status.CERTIFIED, again
+
+
+def test_on_a_curve_the_drive_is_what_was_given() -> None:
+    """What another planner drives with the same model comes back, a lane change on a curve too."""
+    scene = sandra.load(sandra.example("merge"))
+    pair = "accelerate,left-lane"
+    verdicts = sandra.verify(scene, pair)
+    own = certify(Basis.of(verdicts.ground), verdicts[pair])
+    assert isinstance(own.proof, Proven), own
+    given = own.proof.witness.every(scene.dt)
+    again = sandra.certify_trajectory(verdicts, pair, given)
+    assert isinstance(again.proof, Proven), again
+    apart = np.abs(again.proof.witness.states - own.proof.witness.states).max(axis=0)
+    assert (apart < [2e-3, 2e-3, 2e-3, 1e-9, 1e-2]).all(), apart
 
 
 @pytest.mark.parametrize("step", [0.03, 0.2, 0.0, -0.1, np.nan, np.inf])
