@@ -61,9 +61,19 @@ class Basis:
 
     @staticmethod
     def of(ground: Ground, t_dec: float | None = None) -> Basis:
-        """Prepare a ground; the next decision is due after one step unless `t_dec` says else."""
+        """Prepare a ground; the next decision is due after one step unless `t_dec` says else.
+
+        Raises:
+            SettingsError: if `t_dec` is no multiple of `scene.dt` within the horizon.
+        """
         scene, settings = ground.scene, ground.settings
         due = scene.dt if t_dec is None else t_dec
+        last = ground.horizon * scene.dt
+        if not 0.0 < due <= last + 1e-9 or abs(round(due / scene.dt) * scene.dt - due) > 1e-9:
+            raise SettingsError(
+                f"the next decision at {due!r} s must be due at a multiple of dt = {scene.dt:g} s, "
+                f"at the latest at the horizon of {last:g} s"
+            )
         steps = fail_safe_horizon(scene, settings, due, MILDEST)
         given = ground.prediction
         if given.kind == "set-based" and given.horizon >= steps:
@@ -136,8 +146,9 @@ def certify_trajectory(
 ) -> Verdict:
     """Certify a trajectory that a planner of the user's own has planned for a pair.
 
-    It is driven with the single-track model, which may not leave it by more than 0.1 m; that drive
-    is the witness. It gets a fail-safe continuation, and the independent checker decides.
+    It is driven with the single-track model, which may not leave it by more than 0.1 m, 0.1 rad or
+    0.1 m/s; that drive is the witness. It gets a fail-safe continuation, and the independent
+    checker decides.
 
     Args:
         verdicts: of `sandra.verify` or of a decision; they hold scene, prediction and rules.
