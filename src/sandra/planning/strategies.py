@@ -23,6 +23,7 @@ COMPLETE = "complete the lane change"
 ABORT = "abort the lane change"
 EVADE = "evade within the lane"
 LEAVE = "leave the conflict area"
+OPTIMISE = "optimise the speed"
 
 MILDEST = 2.0
 """The mildest deceleration that is tried [m/s^2]."""
