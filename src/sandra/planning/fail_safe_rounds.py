@@ -110,7 +110,7 @@ def optimising(task: Task) -> Round:
                 attempts.append(Attempt([renamed], found, distance))
             else:
                 reasons.append(reason)
-    return Round(tuple(attempts), ((strategies.OPTIMISE, max(reasons)),) if reasons else ())
+    return Round(tuple(attempts), ((strategies.OPTIMISE, reasons[0]),) if reasons else ())
 
 
 def _farthest(task: Task) -> float:

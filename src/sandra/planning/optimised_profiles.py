@@ -88,7 +88,8 @@ def profiles(track: Track) -> tuple[list[Array], str]:
             found.append(profile)
     if stops and not found:
         reason = "the solver finds no speed profile through the gaps"
-    return found, reason
+    # Of those that are equally mild the first is kept.
+    return sorted(found, key=len), reason
 
 
 def _stops(track: Track) -> tuple[list[_Stop], str]:
@@ -97,9 +98,11 @@ def _stops(track: Track) -> tuple[list[_Stop], str]:
     least, most = -float(task.levels[-1]), task.limits.a_lon_max
     front = [_Node([(0.0, task.speed)], (0.0, track.length), (np.inf, 0.0), None, ())]
     found: dict[tuple[tuple[int, ...], int], list[_Stop]] = {}
+    stands = False
     for step in range(track.steps):
         farthest = max(s + v * dt + most * dt**2 / 2 for x in front for s, v in x.polygon)
-        gaps = track.free(step, min(range_x(x.polygon)[0] for x in front), farthest)
+        slowest = min(range_x(x.polygon)[0] for x in front)
+        gaps = track.free(step, slowest, farthest)
         # Faster than this it could not stand when the prediction ends.
         fastest = -least * dt * (track.steps - step - 1)
         reached = []
@@ -107,6 +110,7 @@ def _stops(track: Track) -> tuple[list[_Stop], str]:
             for choice, gap, ahead in _ahead(node, gaps, least, most, dt):
                 choices = node.choices if choice is None else (*node.choices, choice)
                 last = cut_y(ahead, 0.0, 0.0)
+                stands = stands or bool(last)
                 for number, place in enumerate(track.places):
                     if (resting := cut_x(last, *place)) and range_x(resting)[1] > place[0]:
                         key = (choices, number)
@@ -117,14 +121,15 @@ def _stops(track: Track) -> tuple[list[_Stop], str]:
                     moving = cut(moving, -bound[1], 1.0, bound[0])
                 if moving:
                     reached.append(_Node(moving, gap, bound, node, choices))
-        front = _widest(reached)
+        before, front = front, _widest(reached)
         if not front:
             break
     if not found:
-        if front:
+        if stands:
             return [], "no place to stand outside conflict areas comes in reach in time"
-        ends = task.t_dec + (step + 1) * dt
-        return [], f"at no speed it keeps clear and on the road for more than {ends:.2f} s from now"
+        if any(_ahead(node, gaps, least, most, dt) for node in before):
+            return [], "it cannot become slow enough in time"
+        return [], f"at any speed it {track.in_the_way(step, slowest)}"
     ways = [(stops[-1], stops[len(stops) // 2], stops[0]) for stops in found.values()]
     ordered = [stop for kind in zip(*ways, strict=True) for stop in kind]
     return list(dict.fromkeys(ordered)), ""

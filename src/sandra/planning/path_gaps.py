@@ -36,7 +36,7 @@ NEAR = 2
 """A speed is bounded by the sharpest steering within so many cells."""
 SHORTEST_STEP = 0.1
 """A step lasts at least so long [s] ..."""
-MOST_STEPS = 50
+MOST_STEPS = 80
 """... and so long that no more than so many are needed."""
 
 
@@ -57,6 +57,8 @@ class Track:
     step: float
     intervals: int
     steps: int
+    states: Array
+    """(n + 1, 5) of the model at 1 m/s."""
     bodies: Array
     """(n + 1, 4, 2) corners of the body."""
 
@@ -83,6 +85,7 @@ class Track:
             intervals * task.scene.dt,
             intervals,
             task.steps // intervals,
+            states,
             corners(states, ego),
         )
 
@@ -119,6 +122,20 @@ class Track:
             hit = shapely.dwithin(cells[:, None], regions[near], within[near])
             blocked[part] = hit.any(axis=1)
         return _stretches(~blocked, self.length, i * BLOCK * CELL)
+
+    def in_the_way(self, step: int, place: float) -> str:
+        """In words, what ends the free stretch that `place` [m] is in during a step."""
+        if place >= self.length - CELL * BLOCK:
+            return "leaves the road"
+        task = self.task
+        time = task.t_dec + step * self.step
+        occupied = task.shared.occupied
+        k = task.first + step * self.intervals
+        if occupied.first[k] == occupied.first[k + 1]:
+            return f"may meet others {time:.2f} s from now"
+        i = min(int(place / CELL), len(self.states) - 2)
+        who = task.shared.nearest(self.states[i : i + 2], time)
+        return f"may meet obstacle {who} {time:.2f} s from now"
 
     def speed_bound(self, low: float, high: float) -> tuple[float, float]:
         """(c, m): speeds up to c + m s are allowed everywhere in low <= s <= high."""
