@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 import shapely
 
-from reach_scenes import Course
+from reach_scenes import CAR, Course
 from sandra.planning.fail_safe_search import FailSafe, Miss, fail_safe, fail_safe_horizon
 from sandra.planning.single_track import SPEED, STEERING, lateral_acceleration, step
 from sandra.planning.types import Trajectory
 from sandra.prediction import PredictedObstacle, Prediction, predict
 from sandra.scene.frame import Frame
-from sandra.scene.types import Lane, Obstacle, Region, Scene
+from sandra.scene.types import Lane, Obstacle, Region, Scene, State
 from sandra.settings import Settings
 
 SETTINGS = Settings()
@@ -142,3 +142,19 @@ def before_crossing(x: float, speed: float, *obstacles: Obstacle) -> Scene:
     """The conflict area covers s in [x - 2, x + 2], the front of the ego is at 2.25."""
     lanes = [STRAIGHT.lanes(left=0, right=0)[0], crossing(x)]
     return STRAIGHT.scene(lanes, obstacles, speed=speed)
+
+
+def junction(seed: int) -> Scene:
+    """A lane, straight or bent, that another one crosses; a car on that, often one ahead."""
+    rng = np.random.default_rng(seed)
+    course = Course(float(rng.choice([0.0, 0.0, 0.01, -0.01])), step=2.0)
+    s = float(rng.uniform(5.0, 25.0))
+    x = float(course.at(s, 0.0)[0])
+    coming = State(x, float(rng.uniform(12.0, 45.0)), -np.pi / 2, float(rng.uniform(3.0, 12.0)))
+    cars = [Obstacle(7, "car", CAR, coming)]
+    if rng.random() < 0.5:
+        ahead = s + float(rng.uniform(8.0, 40.0))
+        cars.append(course.car(8, ahead, 0.0, float(rng.uniform(0.0, 12.0))))
+    lanes = [course.lanes(left=0, right=0)[0], crossing(x)]
+    d, angle = float(rng.uniform(-0.4, 0.4)), float(rng.uniform(-0.04, 0.04))
+    return course.scene(lanes, cars, speed=float(rng.uniform(4.0, 14.0)), d=d, angle=angle)

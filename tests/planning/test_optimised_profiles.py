@@ -12,6 +12,7 @@ from fail_safe_scenes import (
     assert_holds,
     before_crossing,
     by_hand,
+    junction,
     road,
     state_of,
 )
@@ -23,7 +24,7 @@ from sandra.planning import fail_safe_search, path_gaps
 from sandra.planning.fail_safe_candidates import Task, lateral_paths, simulate
 from sandra.planning.fail_safe_checks import Failures, mildest_that_holds
 from sandra.planning.fail_safe_rounds import ROUNDS, optimising
-from sandra.planning.fail_safe_search import FailSafe, Miss, fail_safe
+from sandra.planning.fail_safe_search import FailSafe, Miss, fail_safe, fail_safe_horizon
 from sandra.planning.limits import within_limits
 from sandra.planning.optimised_profiles import profiles
 from sandra.planning.path_gaps import Track
@@ -142,6 +143,23 @@ def test_on_a_bend_the_speed_stays_within_the_grip() -> None:
     assert candidates.states[..., SPEED].max() < np.sqrt(4.0 / 0.04) * 1.02
     assert within_limits(candidates.states, candidates.inputs, 2.6, task.limits).all()
     assert mildest_that_holds(task, candidates, Failures()) is not None
+
+
+def test_at_junctions_it_finds_what_samples_miss_and_all_of_it_holds(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    gained = 0
+    for seed in range(30):
+        scene = junction(seed)
+        horizon = fail_safe_horizon(scene, SETTINGS, 0.0, 4.0)
+        prediction = predict(scene, "set-based", horizon, SETTINGS)
+        found = fail_safe(scene, state_of(scene), 0.0, prediction, SETTINGS)
+        if isinstance(found, FailSafe) and found.strategy == OPTIMISE:
+            gained += 1
+            assert_holds(scene, prediction, found, state_of(scene), 0.0)
+            assert found.deceleration <= FULL
+            assert isinstance(sampled(monkeypatch, scene, prediction), Miss)
+    assert gained >= 2
 
 
 # Where nothing holds.
