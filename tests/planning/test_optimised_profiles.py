@@ -196,7 +196,7 @@ def test_a_solver_that_fails_finds_nothing(monkeypatch: pytest.MonkeyPatch) -> N
     prediction = predict(scene, "set-based", HORIZON, SETTINGS)
     found = fail_safe(scene, state_of(scene), 0.0, prediction, SETTINGS)
     assert isinstance(found, Miss)
-    assert "the solver finds no speed profile" in found.reasons[-1]
+    assert f"{OPTIMISE}: the solver gave up" in found.reasons[-1]
 
 
 def test_what_the_solver_says_is_checked(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -41,6 +41,8 @@ MOST_WAYS = 6
 """So many ways through the gaps are followed at once; the widest are kept."""
 MOST_SOLVED = 12
 """Linear programs for each path."""
+INFEASIBLE = 2
+"""The status by which the solver says that there is no solution."""
 MOST_ITERATIONS = 2000
 """The solver gives up after so many: a bound that does not depend on the machine."""
 
@@ -80,14 +82,14 @@ def profiles(track: Track) -> tuple[list[Array], str]:
     found = []
     for stop in stops[:MOST_SOLVED]:
         speeds = _solve(track, stop)
-        if speeds is not None:
+        if isinstance(speeds, str):
+            reason = speeds
+        else:
             steps = len(speeds) - 1
             fine = np.arange(steps * track.intervals * task.per_step + 1)
             profile = np.interp(fine * task.tau, track.step * np.arange(steps + 1), speeds)
             profile[-1] = 0.0
             found.append(profile)
-    if stops and not found:
-        reason = "the solver finds no speed profile through the gaps"
     # Of those that are equally mild the first is kept.
     return sorted(found, key=len), reason
 
@@ -175,8 +177,8 @@ def _way(node: _Node) -> tuple[_Node, ...]:
     return tuple(nodes[::-1])
 
 
-def _solve(track: Track, stop: _Stop) -> Array | None:
-    """(n + 1,) speeds at the ends of the steps [m/s]; None if the solver finds none.
+def _solve(track: Track, stop: _Stop) -> Array | str:
+    """(n + 1,) speeds at the ends of the steps [m/s]; or why the solver finds none.
 
     Variables: speed and position at the end of each step (n each), the peak p, and how much the
     acceleration changes from step to step (n - 1).
@@ -237,7 +239,9 @@ def _solve(track: Track, stop: _Stop) -> Array | None:
         method="highs",
         options={"maxiter": MOST_ITERATIONS},
     )
+    if solution.status == INFEASIBLE:
+        return "no speed profile leads through the gaps between the others"
     if solution.status != 0 or solution.x is None or not np.isfinite(solution.x).all():
-        return None
+        return "the solver gave up"
     found: Array = np.concatenate([[task.speed], np.maximum(solution.x[speed], 0.0)])
     return found
