@@ -5,15 +5,16 @@ assumptions: the full body meets no occupancy at any instant until it stands, st
 and stands outside the conflict areas of intersections. From then on nothing is checked: that
 others do not drive into a standing car is the assumption that makes a standstill the end.
 
-Strategies in two rounds, then a third if a conflict area is in the way; in each round the mildest
-maneuver that holds is kept (smallest peak of the total acceleration):
+Strategies in rounds (`fail_safe_rounds`); in each the mildest maneuver that holds is kept (smallest
+peak of the total acceleration), and the next is made only if none does:
 
 1. brake in the lane (straighten, or go to its centre), complete or abort a lane change;
 2. evade within the lane, to either side;
-3. leave the conflict area ahead or underneath before braking.
+3. leave the conflict area ahead or underneath before braking;
+4. on the paths of the first round, speeds from an optimisation (`optimised_profiles`).
 
 Method 6 (fail-safe); after Magdici & Althoff, "Fail-safe motion planning of autonomous vehicles",
-2016, with samples in place of optimisation.
+2016, with samples before the optimisation.
 """
 
 from __future__ import annotations
