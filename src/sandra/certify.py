@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from sandra.certificate import Certificate, Report, certificate, check
 from sandra.logic import Vocabulary
 from sandra.planning.cost import Weights
+from sandra.planning.fail_safe_rounds import ROUNDS, SAMPLED
 from sandra.planning.fail_safe_search import FailSafe, fail_safe, fail_safe_horizon
 from sandra.planning.surroundings import Surroundings as OfFailSafe
 from sandra.planning.types import Trajectory
@@ -22,6 +23,9 @@ from sandra.reach import Ground, Status, Verdict
 MILDEST = 4.0
 """The prediction lasts long enough for braking this mild; milder ones are tried as far as it goes
 [m/s^2]."""
+MOST_OPTIMISED = 2
+"""For so many of a pair's witnesses the fail-safe's speed is optimised where samples fail: what
+blocks the first mostly blocks the others too."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -125,6 +129,7 @@ class _Continuations:
 
     basis: Basis
     found: FailSafe | None = field(default=None)
+    asked: int = 0
 
     def wrong_with(self, trajectory: Trajectory) -> str | None:
         """None if the witness can be continued safely, else in words why not."""
@@ -137,7 +142,9 @@ class _Continuations:
             basis.set_based,
             basis.ground.settings,
             basis.of_fail_safe,
+            ROUNDS if self.asked < MOST_OPTIMISED else SAMPLED,
         )
+        self.asked += 1
         if isinstance(found, FailSafe):
             self.found = found
             return None
