@@ -17,6 +17,7 @@ from sandra.certificate import Certificate, Report, certificate, check
 from sandra.errors import SettingsError
 from sandra.logic import Vocabulary
 from sandra.planning.cost import Weights
+from sandra.planning.fail_safe_rounds import ROUNDS, SAMPLED, Rounds
 from sandra.planning.fail_safe_search import FailSafe, fail_safe, fail_safe_horizon
 from sandra.planning.fail_safe_search import Miss as NoFailSafe
 from sandra.planning.given import driven
@@ -29,6 +30,9 @@ from sandra.reach import Ground, Status, Verdict, Verdicts
 MILDEST = 4.0
 """The prediction lasts long enough for braking this mild; milder ones are tried as far as it goes
 [m/s^2]."""
+MOST_OPTIMISED = 2
+"""For so many of a pair's witnesses the fail-safe's speed is optimised where samples fail: what
+blocks the first mostly blocks the others too."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -221,7 +225,9 @@ def _judged(
     return replace(verdict, status=Status.CERTIFIED, proof=proof)
 
 
-def _continuation(basis: Basis, trajectory: Trajectory) -> FailSafe | NoFailSafe:
+def _continuation(
+    basis: Basis, trajectory: Trajectory, rounds: Rounds = ROUNDS
+) -> FailSafe | NoFailSafe:
     """The fail-safe from a trajectory's state at the next decision."""
     index = round((basis.t_dec - trajectory.start) / trajectory.tau)
     return fail_safe(
@@ -231,6 +237,7 @@ def _continuation(basis: Basis, trajectory: Trajectory) -> FailSafe | NoFailSafe
         basis.set_based,
         basis.ground.settings,
         basis.of_fail_safe,
+        rounds,
     )
 
 
@@ -240,10 +247,13 @@ class _Continuations:
 
     basis: Basis
     found: FailSafe | None = field(default=None)
+    asked: int = 0
 
     def wrong_with(self, trajectory: Trajectory) -> str | None:
         """None if the witness can be continued safely, else in words why not."""
-        found = _continuation(self.basis, trajectory)
+        rounds = ROUNDS if self.asked < MOST_OPTIMISED else SAMPLED
+        self.asked += 1
+        found = _continuation(self.basis, trajectory, rounds)
         if isinstance(found, FailSafe):
             self.found = found
             return None

@@ -20,10 +20,10 @@ from reach_scenes import CAR, Course
 from sandra.actions import ActionPair
 from sandra.certificate import certificate, check
 from sandra.logic import specification
-from sandra.planning import fail_safe_search, path_gaps
+from sandra.planning import path_gaps
 from sandra.planning.fail_safe_candidates import Task, lateral_paths, simulate
 from sandra.planning.fail_safe_checks import Failures, mildest_that_holds
-from sandra.planning.fail_safe_rounds import ROUNDS, optimising
+from sandra.planning.fail_safe_rounds import SAMPLED, optimising
 from sandra.planning.fail_safe_search import FailSafe, Miss, fail_safe, fail_safe_horizon
 from sandra.planning.limits import within_limits
 from sandra.planning.optimised_profiles import profiles
@@ -44,21 +44,14 @@ def wall(low: float, high: float) -> Region:
     return Region.rectangle(high - low, 3.0).placed((low + high) / 2, 0.0, 0.0)
 
 
-def sampled(
-    monkeypatch: pytest.MonkeyPatch, scene: Scene, prediction: Prediction
-) -> FailSafe | Miss:
+def sampled(scene: Scene, prediction: Prediction) -> FailSafe | Miss:
     """What is found without the optimisation."""
-    with monkeypatch.context() as patch:
-        others = tuple(make for make in ROUNDS if make is not optimising)
-        patch.setattr(fail_safe_search, "ROUNDS", others)
-        return fail_safe(scene, state_of(scene), 0.0, prediction, SETTINGS)
+    return fail_safe(scene, state_of(scene), 0.0, prediction, SETTINGS, rounds=SAMPLED)
 
 
-def only_optimised(
-    monkeypatch: pytest.MonkeyPatch, scene: Scene, prediction: Prediction
-) -> FailSafe:
+def only_optimised(scene: Scene, prediction: Prediction) -> FailSafe:
     """What the optimisation finds where nothing else is found; it holds."""
-    assert isinstance(sampled(monkeypatch, scene, prediction), Miss)
+    assert isinstance(sampled(scene, prediction), Miss)
     found = fail_safe(scene, state_of(scene), 0.0, prediction, SETTINGS)
     assert isinstance(found, FailSafe), found
     assert found.strategy == OPTIMISE
@@ -92,24 +85,22 @@ def crossing_car(y: float, speed: float = 8.0) -> Obstacle:
     return Obstacle(7, "car", CAR, State(9.0, y, -np.pi / 2, speed))
 
 
-def test_it_passes_before_a_crossing_car_and_stands_beyond_the_conflict_area(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_it_passes_before_a_crossing_car_and_stands_beyond_the_conflict_area() -> None:
     # From 9 m/s it would stop with its front at 9.0, amid the area from 7 to 11.
     scene = before_crossing(9.0, 9.0, crossing_car(22.0))
     prediction = predict(scene, "set-based", HORIZON, SETTINGS)
-    found = only_optimised(monkeypatch, scene, prediction)
+    found = only_optimised(scene, prediction)
     inputs, states = found.trajectory.inputs, found.trajectory.states
     assert inputs[0, 0] > 3.0, "harder than any acceleration that is sampled"
     assert states[-1, 0] - 2.25 > 11.0
 
 
-def test_it_stops_short_of_a_conflict_area_braking_late(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_it_stops_short_of_a_conflict_area_braking_late() -> None:
     """What follows behind is past 3.15 m after 0.8 s: what brakes at once is in its way."""
     scene = before_crossing(12.2, 8.0)
     beyond, behind = wall(14.5, 60.0), wall(-20.0, 3.15)
     between = {k: (beyond,) if k < 8 else (beyond, behind) for k in range(HORIZON)}
-    found = only_optimised(monkeypatch, scene, by_hand(scene, between, HORIZON))
+    found = only_optimised(scene, by_hand(scene, between, HORIZON))
     inputs, states = found.trajectory.inputs[:, 0], found.trajectory.states
     assert 5.4 < states[-1, 0] < 10.2 - 2.25
     # As mild as can be: 4.0 m/s^2 from the beginning would be too early.
@@ -117,11 +108,11 @@ def test_it_stops_short_of_a_conflict_area_braking_late(monkeypatch: pytest.Monk
     assert found.margins.conflict < 0.5
 
 
-def test_it_brakes_hard_first_and_then_rolls_on_gently(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_it_brakes_hard_first_and_then_rolls_on_gently() -> None:
     """The way ahead opens slowly, and it must not stand where it would stop behind it."""
     scene = before_crossing(9.0, 8.0)
     between = {k: wall(9.0 + 0.1 * k + 0.35 * max(0, k - 15), 60.0) for k in range(HORIZON)}
-    found = only_optimised(monkeypatch, scene, by_hand(scene, between, HORIZON))
+    found = only_optimised(scene, by_hand(scene, between, HORIZON))
     inputs, states = found.trajectory.inputs[:, 0], found.trajectory.states
     assert inputs[:30].max() < -3.0
     assert inputs[35:].min() > -2.0
@@ -145,9 +136,7 @@ def test_on_a_bend_the_speed_stays_within_the_grip() -> None:
     assert mildest_that_holds(task, candidates, Failures()) is not None
 
 
-def test_at_junctions_it_finds_what_samples_miss_and_all_of_it_holds(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_at_junctions_it_finds_what_samples_miss_and_all_of_it_holds() -> None:
     gained = 0
     for seed in range(30):
         scene = junction(seed)
@@ -158,7 +147,7 @@ def test_at_junctions_it_finds_what_samples_miss_and_all_of_it_holds(
             gained += 1
             assert_holds(scene, prediction, found, state_of(scene), 0.0)
             assert found.deceleration <= FULL
-            assert isinstance(sampled(monkeypatch, scene, prediction), Miss)
+            assert isinstance(sampled(scene, prediction), Miss)
     assert gained >= 2
 
 

@@ -28,7 +28,7 @@ from sandra.errors import SettingsError
 from sandra.planning import strategies
 from sandra.planning.fail_safe_candidates import Task, simulate
 from sandra.planning.fail_safe_checks import Failures, mildest_that_holds, standing
-from sandra.planning.fail_safe_rounds import LONGEST, ROUNDS, STANDING
+from sandra.planning.fail_safe_rounds import LONGEST, ROUNDS, STANDING, Rounds
 from sandra.planning.single_track import SPEED
 from sandra.planning.surroundings import Surroundings
 from sandra.planning.types import FailSafe, Margins
@@ -80,6 +80,7 @@ def fail_safe(
     set_based: Prediction,
     settings: Settings,
     shared: Surroundings | None = None,
+    rounds: Rounds = ROUNDS,
 ) -> FailSafe | Miss:
     """The mildest fail-safe trajectory that was found, or why none was.
 
@@ -89,6 +90,7 @@ def fail_safe(
         set_based: the set-based prediction, made at time 0. Maneuvers that last longer than it
             are not tried (`fail_safe_horizon`).
         shared: `Surroundings.of(scene, set_based)`, where more than one search is made.
+        rounds: what is tried, in this order; default all `ROUNDS`.
 
     Raises:
         SettingsError: if the prediction is not set-based or has another time step than the scene,
@@ -107,7 +109,7 @@ def fail_safe(
         found = standing(task, failures, strategies.BRAKE)
         if found is not None:
             return found
-    for make in ROUNDS:
+    for make in rounds:
         attempts = make(task)
         for strategy, reason in attempts.missing:
             failures.add(strategy, reason, 0.0)
