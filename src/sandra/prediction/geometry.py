@@ -6,6 +6,8 @@ repeating its last one. Degenerate polygons (a segment, a point) are polygons to
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -30,12 +32,10 @@ def stack(polygons: list[Array]) -> Array:
 
 
 def _compact(points: Array, keep: Mask) -> Array:
-    """Move the kept points of each row to its front; pad with the last kept one."""
+    """Move the kept points of each row, one at least, to its front; pad with the last one."""
     count = keep.sum(axis=1)
-    order = np.argsort(~keep, axis=1, kind="stable")
-    column = np.minimum(np.arange(int(count.max(initial=1)))[None, :], count[:, None] - 1)
-    chosen = order[np.arange(len(points))[:, None], column]
-    compacted: Array = points[np.arange(len(points))[:, None], chosen]
+    column = np.minimum(np.arange(int(count.max(initial=1))), count[:, None] - 1)
+    compacted: Array = points[keep][(np.cumsum(count) - count)[:, None] + column]
     return compacted
 
 
@@ -64,7 +64,10 @@ def clip(batch: Array, normal: Array, offset: Array) -> tuple[Array, Mask]:
     share = np.where(crossing, e / np.where(crossing, e - f, 1.0), 0.0)
     cut = p + np.clip(share, 0.0, 1.0)[:, :, None] * (q - p)
     both = np.stack([p, cut], axis=2).reshape(len(p), -1, 2)
+    # Of repeated vertices one is enough.
+    i &= (p[..., 0] != q[..., 0]) | (p[..., 1] != q[..., 1])
     keep = np.stack([i, crossing], axis=2).reshape(len(p), -1)
+    keep[:, 0] |= ~keep.any(axis=1)
     clipped = _compact(both, keep)
     width = max(clipped.shape[1], batch.shape[1])
     out = np.concatenate([batch, np.repeat(batch[:, -1:], width - batch.shape[1], axis=1)], axis=1)
@@ -101,6 +104,19 @@ def polygons_from_support(normals: Array, offsets: Array) -> Array:
     return batch
 
 
+def polygons_around(normals: Array, support: Array) -> Array:
+    """The same for the support (K, J) of convex sets: a batch (K, J, 2), without any clipping.
+
+    As the sets touch all half-planes, the corners are where consecutive ones meet. The normals
+    are at equal angles.
+    """
+    turn = 2 * np.pi / len(normals)
+    tangents = np.column_stack([-normals[:, 1], normals[:, 0]])
+    along = (np.roll(support, -1, axis=1) - support * np.cos(turn)) / np.sin(turn)
+    corners: Array = support[..., None] * normals + along[..., None] * tangents
+    return corners
+
+
 def minkowski(batch: Array, other: Array) -> Array:
     """Minkowski sums of each polygon (N, V, 2) with a convex polygon of its own (N, W, 2).
 
@@ -129,4 +145,5 @@ def unpadded(batch: Array) -> list[Array]:
     """The polygons (n_i, 2) of a batch, without repeated vertices."""
     moved = np.abs(batch - np.roll(batch, 1, axis=1)).max(axis=2) > _EPS
     moved[:, 0] |= ~moved.any(axis=1)
-    return [polygon[keep] for polygon, keep in zip(batch, moved, strict=True)]
+    corners = batch[moved]
+    return [corners[a:b] for a, b in pairwise([0, *np.cumsum(moved.sum(axis=1)).tolist()])]

@@ -16,7 +16,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from sandra.prediction.lanes import LaneMap, Place, Strip, build_map
+from sandra.prediction.lane_cutting import build_map
+from sandra.prediction.lanes import LaneMap, Place, Strip
 from sandra.prediction.motion import circumscribed
 from sandra.prediction.observed import FIXED_KINDS, is_fixed
 from sandra.prediction.types import PredictedObstacle

@@ -20,11 +20,15 @@ concern the ego's *current* lane only: in a neighbouring lane, nothing is left o
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from sandra.prediction.geometry import directions
-from sandra.prediction.lanes import LaneMap, build_map
+from sandra.prediction.lane_cutting import build_map
+from sandra.prediction.lane_table import LaneTable
+from sandra.prediction.lanes import LaneMap
 from sandra.prediction.motion import (
     POSITION_DIRECTIONS,
     bodies,
@@ -32,10 +36,25 @@ from sandra.prediction.motion import (
     position_offsets,
     travelled,
 )
-from sandra.prediction.observed import NOTHING, check_assumptions, is_fixed, observe, towards_ego
-from sandra.prediction.occupancy import Follower, Regions, free_occupancies
+from sandra.prediction.observed import (
+    NOTHING,
+    Observed,
+    TowardsEgo,
+    check_assumptions,
+    is_fixed,
+    observe,
+    towards_ego,
+)
+from sandra.prediction.occupancy import (
+    Occupancy,
+    Regions,
+    Scope,
+    free_occupancies,
+    lane_occupancies,
+)
+from sandra.prediction.touched import Vehicle
 from sandra.prediction.types import PredictedObstacle
-from sandra.scene.types import Obstacle, Scene, State
+from sandra.scene.types import Obstacle, Region, Scene, State
 from sandra.settings import Settings
 
 Array = NDArray[np.float64]
@@ -60,19 +79,26 @@ def predict_sets(
         ScenarioError: if a lanelet's border is not finite.
     """
     check_assumptions(settings.assumptions)
-    a = settings.assumptions
-    speeds = [
-        abs(_first_seen(o)[1].speed) if o.speed_is_known else a.max_speed for o in scene.obstacles
-    ]
-    start = max(speeds, default=0.0)
-    fastest = max(start, a.max_speed)
-    time = np.array(horizon * scene.dt)
-    reach = float(travelled(np.array(start), a.max_acceleration, fastest, time))
-    lane_map = build_map(scene.lanelets, reach + 1.0)
+    lane_map = build_map(scene.lanelets, _reach(scene, horizon, settings) + 1.0)
+    plans = [_plan(scene, each, lane_map, horizon, settings) for each in likely]
+    vehicles = [plan.vehicle for plan in plans if plan is not None and plan.vehicle is not None]
+    lane = next((lane for lane in scene.lanes if lane.relation == "current"), None)
+    scope = Scope(
+        scene.dt,
+        frozenset(lane.lanelets) if lane is not None else frozenset(),
+        settings.assumptions.max_overhang,
+    )
+    occupancies = iter(
+        lane_occupancies(LaneTable.of(lane_map), vehicles, scope) if vehicles else ()
+    )
     found = []
     relied_on: dict[str, list[int]] = {"no_rear_end": [], "legal_cut_in": []}
-    for each in likely:
-        prediction = _predict_one(scene, each, lane_map, horizon, settings)
+    for each, plan in zip(likely, plans, strict=True):
+        if plan is None:
+            found.append(each)
+            continue
+        occupancy = next(occupancies) if plan.vehicle is not None else None
+        prediction = _prediction(each, plan, occupancy, horizon)
         found.append(prediction)
         for name, ids in relied_on.items():
             if name in prediction.assumptions:
@@ -87,50 +113,95 @@ def predict_sets(
     return tuple(found), tuple(notes)
 
 
-def _predict_one(
+def _reach(scene: Scene, horizon: int, settings: Settings) -> float:
+    """The farthest that any vehicle may come [m]."""
+    a = settings.assumptions
+    speeds = [
+        abs(_first_seen(o)[1].speed) if o.speed_is_known else a.max_speed for o in scene.obstacles
+    ]
+    start = max(speeds, default=0.0)
+    time = np.array(horizon * scene.dt)
+    return float(travelled(np.array(start), a.max_acceleration, max(start, a.max_speed), time))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Plan:
+    """How one participant that moves is predicted.
+
+    `now` is its body at step `first`, where it is first seen. Either it is a `vehicle` on lanes, or
+    `free` holds its regions at each later step, and during each step from `first` on.
+    """
+
+    first: int
+    now: Region
+    seen: Observed | None
+    law: TowardsEgo
+    vehicle: Vehicle | None
+    free: tuple[Regions, Regions]
+
+
+def _plan(
     scene: Scene, likely: PredictedObstacle, lane_map: LaneMap, horizon: int, settings: Settings
-) -> PredictedObstacle:
+) -> _Plan | None:
+    """None for what does not move."""
     obstacle = likely.obstacle
     if is_fixed(obstacle):
-        return likely
+        return None
     first, state = _first_seen(obstacle)
+    now = obstacle.outline.placed(state.x, state.y, state.heading)
     if first > horizon:
+        return _Plan(first, now, None, NOTHING, None, ((), ()))
+    seen = observe(obstacle, state, lane_map, settings.assumptions)
+    law = towards_ego(scene, obstacle, state, seen, settings) if first == 0 else NOTHING
+    steps = horizon - first
+    if not steps:
+        return _Plan(first, now, seen, law, None, ((), ()))
+    normals = directions(POSITION_DIRECTIONS, state.heading)
+    times: Array = scene.dt * np.arange(horizon + 1, dtype=np.float64)
+    offsets = position_offsets(state, seen.bounds, times, normals)
+    # For each direction the support is convex in time: an interval's is that of an end.
+    during = np.maximum(offsets[:-1], offsets[1:])
+    body = bodies(obstacle.outline, state.heading, heading_change(seen.bounds, times))
+    if seen.places:
+        offsets[steps + 1 :], during[steps:] = -np.inf, -np.inf
+        rows = np.concatenate([offsets, during])
+        vehicle = Vehicle(seen, law, obstacle.outline, now, normals, rows, body)
+        return _Plan(first, now, seen, law, vehicle, ((), ()))
+    free = free_occupancies(
+        normals,
+        np.concatenate([offsets[1 : steps + 1], during[:steps]]),
+        np.concatenate([body[1 : steps + 1]] * 2),
+    )
+    return _Plan(first, now, seen, law, None, (free[:steps], free[steps:]))
+
+
+def _prediction(
+    likely: PredictedObstacle, plan: _Plan, occupancy: Occupancy | None, horizon: int
+) -> PredictedObstacle:
+    """Put a prediction together."""
+    obstacle, first = likely.obstacle, plan.first
+    if plan.seen is None:
         return PredictedObstacle(
             obstacle, ((),) * (horizon + 1), ((),) * horizon, likely.states, (), ()
         )
     steps = horizon - first
-    seen = observe(obstacle, state, lane_map, settings.assumptions)
-    law = towards_ego(scene, obstacle, state, seen, settings) if first == 0 else NOTHING
-    now = (obstacle.outline.placed(state.x, state.y, state.heading),)
-    at: Regions = (now,)
-    between: Regions = ()
+    later, between = plan.free
     relied_on: tuple[str, ...] = ()
-    if steps:
-        normals = directions(POSITION_DIRECTIONS, state.heading)
-        times: Array = scene.dt * np.arange(steps + 1, dtype=np.float64)
-        offsets = position_offsets(state, seen.bounds, times, normals)
-        # For each direction the support is convex in time: an interval's is that of an end.
-        during = np.maximum(offsets[:-1], offsets[1:])
-        body = bodies(obstacle.outline, state.heading, heading_change(seen.bounds, times))
-        if seen.places:
-            overhang = settings.assumptions.max_overhang
-            follower = Follower(obstacle, state, seen, law, lane_map, overhang, scene)
-            at_sets, between = follower.occupancies(normals, offsets, during, body)
-            at = (now, *at_sets[1:])
-            relied_on = tuple(name for name in law.holds if name in follower.relied_on)
-        else:
-            at = (now, *free_occupancies(normals, offsets[1:], body[1:]))
-            between = free_occupancies(normals, during, body[1:])
+    if occupancy is not None:
+        rows = occupancy.rows
+        later, between = rows[1 : steps + 1], rows[horizon + 1 : horizon + 1 + steps]
+        relied_on = tuple(name for name in plan.law.holds if name in occupancy.relied_on)
+    now: Regions = ((plan.now,),)
     absent: Regions = ((),) * first
     # In the step before it is first seen it must come from somewhere: it is there already.
-    arrival: Regions = (now,) if first else ()
+    arrival: Regions = now if first else ()
     return PredictedObstacle(
         obstacle,
-        absent + at,
+        absent + now + later,
         absent[: max(first - 1, 0)] + arrival + between,
         likely.states,
-        seen.assumptions + relied_on,
-        seen.dropped + law.dropped,
+        plan.seen.assumptions + relied_on,
+        plan.seen.dropped + plan.law.dropped,
     )
 
 
