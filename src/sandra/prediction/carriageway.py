@@ -33,9 +33,8 @@ class Carriageway:
     @staticmethod
     def of(table: LaneTable, margin: float) -> Carriageway:
         """All pairs no farther from each other than `margin` [m]."""
-        along = np.array([part.along for part in table.slices])
-        axes = np.stack([along, np.column_stack([-along[:, 1], along[:, 0]])], axis=1)
-        owner = np.repeat(np.arange(len(table.slices)), np.diff([*table.hull, len(table.hulls)]))
+        axes = np.stack([table.along, table.across], axis=1)
+        owner = np.repeat(np.arange(len(axes)), table.hull_sizes)
         own = np.einsum("hkx,hx->hk", axes[owner], table.hulls)
         inner = np.minimum.reduceat(own, table.hull), np.maximum.reduceat(own, table.hull)
         # Boxes first: a margin on both axes of the slice is within twice as much on x and y.
@@ -44,7 +43,7 @@ class Carriageway:
             np.maximum.reduceat(table.hulls, table.hull) + 2 * margin,
         )
         low, high = table.cells.min(axis=1), table.cells.max(axis=1)
-        close = np.ones((len(along), len(low)), dtype=bool)
+        close = np.ones((len(axes), len(low)), dtype=bool)
         for axis in (0, 1):
             close &= low[:, axis] <= boxes[1][:, axis, None]
             close &= high[:, axis] >= boxes[0][:, axis, None]
@@ -54,7 +53,7 @@ class Carriageway:
         gap = np.maximum(inner[0][part] - outer[1], outer[0] - inner[1][part]).max(axis=1)
         near = gap <= margin
         part, cell, gap = part[near], cell[near], gap[near]
-        first = np.searchsorted(part, np.arange(len(along)))
+        first = np.searchsorted(part, np.arange(len(axes)))
         return Carriageway(cell, gap, outer[0][near, 1], outer[1][near, 1], first)
 
     def edges(self, road: Mask, margin: float) -> tuple[Array, Array]:

@@ -1,17 +1,15 @@
-"""Cutting the map into cells and slices: from lanelets to a `LaneMap`."""
+"""Cutting the map into cells: from lanelets to a `LaneMap`."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sandra.errors import ScenarioError
-from sandra.prediction.lanes import LaneMap, Slice, Strip
-from sandra.scene.convex import hull
+from sandra.prediction.lanes import LaneMap, Strip
 from sandra.scene.types import Lanelet
 
 Array = NDArray[np.float64]
@@ -20,10 +18,6 @@ CELL = 1.0
 """Longest cell [m]."""
 EXTENSION_CELL = 4.0
 """Longest cell beyond the end of the map [m]."""
-STRAIGHT = 0.15
-"""Borders of a slice leave its chords by at most this [m]."""
-END_CELLS = 8
-"""A slice ends so many cells from either end of a lanelet."""
 BACKWARD_EXTENSION = 20.0
 """How far a lanelet without predecessor is continued backwards, for long bodies [m]."""
 
@@ -37,7 +31,7 @@ def build_map(lanelets: tuple[Lanelet, ...], reach: float) -> LaneMap:
     known = {lanelet.id for lanelet in lanelets}
     strips = {lanelet.id: _strip(lanelet, known, reach) for lanelet in lanelets}
     _share_progress(strips)
-    return LaneMap(strips)
+    return LaneMap.of(strips)
 
 
 def _share_progress(strips: dict[int, Strip]) -> None:
@@ -68,15 +62,7 @@ def _with_progress(strip: Strip, progress: Array) -> Strip:
         progress=progress,
         behind=cells.min(axis=(1, 2)),
         ahead=cells.max(axis=(1, 2)),
-        slices=tuple(_measured(strip, part, progress) for part in strip.slices),
     )
-
-
-def _measured(strip: Strip, part: Slice, progress: Array) -> Slice:
-    index = slice(part.first, part.last + 1)
-    ways = np.column_stack([strip.right[index] @ part.along, strip.left[index] @ part.along])
-    lag = float((progress[index] - ways).max())
-    return replace(part, ahead=float(progress[index].max()), lag=lag)
 
 
 def _strip(lanelet: Lanelet, known: set[int], reach: float) -> Strip:
@@ -132,10 +118,7 @@ def _strip(lanelet: Lanelet, known: set[int], reach: float) -> Strip:
         ahead=s[1:],
         stretch=float(1.0 / upright.min()),
         cells=cells,
-        low=cells.min(axis=1),
-        high=cells.max(axis=1),
         corners=np.concatenate([[0], np.cumsum(steps)]).astype(np.int64),
-        slices=tuple(_slices(right, left)),
         successors=successors,
         predecessors=predecessors,
         left_id=left_id,
@@ -159,58 +142,6 @@ def _end_direction(right: Array, left: Array) -> Array:
     along = centre[-1] - centre[start]
     unit: Array = along / max(float(np.hypot(*along)), 1e-12)
     return unit
-
-
-def _slices(right: Array, left: Array) -> list[Slice]:
-    """Greedy: each slice as long as both borders stay within STRAIGHT of their chords.
-
-    Lanelets begin and end where the road widens; slices end there too, so that what lies beyond
-    one end does not loosen the bounds of the rest.
-    """
-    total = len(right)
-    marks = [i for i in (END_CELLS, total - 1 - END_CELLS) if END_CELLS <= i < total - 1]
-    found: list[Slice] = []
-    for low, high in pairwise([0, *sorted(set(marks)), total - 1]):
-        part = slice(low, high + 1)
-        for x in _straight_slices(right[part], left[part]):
-            found.append(replace(x, first=x.first + low, last=x.last + low))
-    return found
-
-
-def _straight_slices(right: Array, left: Array) -> list[Slice]:
-    slices = []
-    first, n = 0, len(right)
-    while first < n - 1:
-        last = first + 1
-        step = 1
-        # Gallop, then narrow down: few tests also on long straight lanelets.
-        while last + step < n and _is_straight(right, left, first, last + step):
-            last += step
-            step *= 2
-        while step:
-            if last + step < n and _is_straight(right, left, first, last + step):
-                last += step
-            step //= 2
-        outline = hull(np.vstack([right[first : last + 1], left[first : last + 1]]))
-        along = (right[last] + left[last] - right[first] - left[first]) / 2
-        length = float(np.hypot(*along))
-        unit = along / length if length > 0 else np.array([1.0, 0.0])
-        slices.append(Slice(first, last, outline, unit, np.inf, np.inf))
-        first = last
-    return slices
-
-
-def _is_straight(right: Array, left: Array, first: int, last: int) -> bool:
-    for side in (right, left):
-        chord = side[last] - side[first]
-        length = float(np.hypot(*chord))
-        inner = side[first + 1 : last] - side[first]
-        if length < 1e-9:
-            return False
-        away = np.abs(chord[0] * inner[:, 1] - chord[1] * inner[:, 0]) / length
-        if away.max(initial=0.0) > STRAIGHT:
-            return False
-    return True
 
 
 def _scale(strip: Strip, other: Strip, side: int) -> Callable[[Array], Array] | None:

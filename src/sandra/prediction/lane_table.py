@@ -8,11 +8,13 @@ lanelet l lies between cross-sections i + l and i + l + 1.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sandra.prediction.lanes import LaneMap, Slice, Strip
+from sandra.prediction.lanes import LaneMap, Strip
+from sandra.prediction.slicing import Slice, slices_of
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int_]
@@ -38,7 +40,7 @@ class LaneTable:
     """(N + L, 2) ends of the cross-sections [m]."""
     behind: Array
     """(N,) smallest progress in each cell and those after it, in the same lanelet [m]."""
-    _ahead: Array
+    _ahead: NDArray[Any]
     """(N,) ascending keys: largest progress in each cell and those before it, by lanelet."""
     _key: Array
     """(L,) what is added to a lanelet's progress to make a key."""
@@ -48,6 +50,9 @@ class LaneTable:
     slice: Ints
     """(L + 1,) first slice of each lanelet; the last entry is S."""
     slices: tuple[Slice, ...]
+    along: Array
+    across: Array
+    """(S, 2) unit vectors along each slice, and to its left."""
     hulls: Array
     """(H, 2)"""
     hull: Ints
@@ -57,8 +62,9 @@ class LaneTable:
     def of(lane_map: LaneMap) -> LaneTable:
         """Make the arrays; the map must have a lanelet."""
         strips = tuple(lane_map.strips.values())
-        cell = _first([len(x.cells) for x in strips])
-        slices = tuple(part for x in strips for part in x.slices)
+        by_strip = slices_of(strips)
+        slices = tuple(part for several in by_strip for part in several)
+        along = np.array([part.along for part in slices])
         low = min(float(x.behind.min()) for x in strips) - 1.0
         high = max(float(x.ahead.max()) for x in strips) + 1.0
         key = np.arange(len(strips)) * (high - low)
@@ -72,7 +78,7 @@ class LaneTable:
             lane_map,
             strips,
             {x.id: number for number, x in enumerate(strips)},
-            cell,
+            lane_map.cell,
             np.concatenate([x.cells for x in strips]),
             np.concatenate([x.right for x in strips]),
             np.concatenate([x.left for x in strips]),
@@ -82,9 +88,11 @@ class LaneTable:
             ),
             key,
             (low, high),
-            np.stack(levels),
-            _first([len(x.slices) for x in strips]),
+            np.array(levels, dtype=np.float64),
+            _first([len(several) for several in by_strip]),
             slices,
+            along,
+            np.column_stack([-along[:, 1], along[:, 0]]),
             np.concatenate([part.hull for part in slices]),
             _first([len(part.hull) for part in slices])[:-1],
         )
@@ -106,11 +114,14 @@ class LaneTable:
             np.maximum.reduceat(along, self.hull, axis=1),
         )
 
+    @property
+    def hull_sizes(self) -> Ints:
+        """(S,) number of corners of each slice."""
+        return np.diff(self.hull, append=len(self.hulls))
+
     def sides(self) -> tuple[Array, Array]:
         """(S,) smallest and largest coordinate across each slice [m]."""
-        across = np.array([[-part.along[1], part.along[0]] for part in self.slices])
-        sizes = np.diff([*self.hull.tolist(), len(self.hulls)])
-        at = (np.repeat(across, sizes, axis=0) * self.hulls).sum(axis=1)
+        at = (np.repeat(self.across, self.hull_sizes, axis=0) * self.hulls).sum(axis=1)
         return np.minimum.reduceat(at, self.hull), np.maximum.reduceat(at, self.hull)
 
     def at_progress(self, lanelet: Ints, progress: Array) -> Ints:

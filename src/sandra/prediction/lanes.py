@@ -6,14 +6,13 @@ line; who does not drive backwards never loses any. Cross-sections may be slante
 along one: it is given at both its ends and linear in between. Lanelets side by side share one
 scale of p, so that a change of lanes leaves it as it is. All in metres.
 
-Cells (about 1 m) decide which stretch of a lanelet can be reached; slices (as long as the road is
-straight) become regions.
+Cells (about 1 m) decide which stretch of a lanelet can be reached.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,22 +24,6 @@ Index = NDArray[np.int64]
 
 START_ERROR = 0.1
 """Bound on the error of the (p, y) found for a point [m]."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Slice:
-    """Cross-sections first..last of a strip, whose hull is nearly the strip itself."""
-
-    first: int
-    last: int
-    hull: Array
-    """(n, 2) [m]"""
-    along: Array
-    """(2,) unit vector in the direction of travel."""
-    ahead: float
-    """Largest progress in it [m]."""
-    lag: float
-    """Progress exceeds the way along the slice by at most this: along . x >= p - lag [m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,12 +49,8 @@ class Strip:
     """A speed across the lane changes y at most this much faster (slanted cross-sections)."""
     cells: Array
     """(n-1, 4, 2) quadrilaterals [m]."""
-    low: Array
-    """(n-1, 2) lower left corner of the box around each cell."""
-    high: Array
     corners: Index
     """Indices of the cross-sections that the map gives; between them the borders are straight."""
-    slices: tuple[Slice, ...]
     successors: tuple[int, ...]
     predecessors: tuple[int, ...]
     left_id: int | None
@@ -96,40 +75,39 @@ class Place:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LaneMap:
-    """All lanelets by id."""
+    """All lanelets by id, L with N cells in all."""
 
     strips: dict[int, Strip]
+    cell: Index
+    """(L + 1,) first cell of each lanelet, in the order of `strips`; the last entry is N."""
+    low: Array
+    high: Array
+    """(N, 2) corners of the box around each cell [m]."""
 
-    def restricted(self, lanelets: list[int]) -> LaneMap:
-        """The same map without the other lanelets, and without the links to them."""
-        keep = set(lanelets)
-        return LaneMap(
-            {
-                i: replace(
-                    self.strips[i],
-                    successors=tuple(j for j in self.strips[i].successors if j in keep),
-                    predecessors=tuple(j for j in self.strips[i].predecessors if j in keep),
-                    left_id=self.strips[i].left_id if self.strips[i].left_id in keep else None,
-                    right_id=self.strips[i].right_id if self.strips[i].right_id in keep else None,
-                )
-                for i in lanelets
-            }
-        )
+    @staticmethod
+    def of(strips: dict[int, Strip]) -> LaneMap:
+        """Put strips together."""
+        cells = [x.cells for x in strips.values()] or [np.empty((0, 4, 2))]
+        every = np.concatenate(cells)
+        first = np.concatenate([[0], np.cumsum([len(x) for x in cells])])
+        return LaneMap(strips, first, every.min(axis=1), every.max(axis=1))
 
     def places(self, x: float, y: float, heading: float, tolerance: float) -> list[Place]:
         """Every lanelet that holds the point (up to `tolerance` [m])."""
-        point = np.array([[x, y]])
+        point = np.array([x, y])
+        beside = ((point < self.low - tolerance) | (point > self.high + tolerance)).any(axis=1)
+        within = np.flatnonzero(~beside)
+        owner = self.cell.searchsorted(within, side="right") - 1
+        strips = tuple(self.strips.values())
         found = []
-        for strip in self.strips.values():
-            beside = (point[0] < strip.low - tolerance) | (point[0] > strip.high + tolerance)
-            boxes = np.flatnonzero(~beside.any(axis=1))
-            if not len(boxes):
-                continue
+        for number in np.unique(owner).tolist():
+            strip = strips[number]
+            boxes = within[owner == number] - self.cell[number]
             near = distance(point, strip.cells[boxes])
             i = int(boxes[near.argmin()])
             if near.min() > tolerance:
                 continue
-            s, p, offset = _locate(strip, i, point[0])
+            s, p, offset = _locate(strip, i, point)
             along = strip.centre[i + 1] - strip.centre[i]
             relative = heading - float(np.arctan2(along[1], along[0]))
             relative = (relative + np.pi) % (2 * np.pi) - np.pi

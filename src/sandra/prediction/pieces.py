@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sandra.prediction.geometry import clip, minkowski, stack, unpadded
+from sandra.prediction.geometry import clip, minkowski, stack, trimmed, unpadded
 from sandra.prediction.lane_table import LaneTable
 from sandra.prediction.touched import ROUNDING, Touched, Vehicle
 
@@ -108,37 +108,43 @@ def cut(
     Args:
         edges: (P, 2) how far the body may reach to the right and left, across the slice [m].
     """
-    along = np.array([x.along for x in table.slices])
-    across = np.column_stack([-along[:, 1], along[:, 0]])
-    own_normals = np.stack([-along, -across, across], axis=1)
-    ends = np.einsum("hkx,hx->hk", np.repeat(own_normals, _sizes(table), axis=0), table.hulls)
     # For each piece all half-planes: those of the acceleration-based set, then its own bounds.
+    own = np.stack([-table.along, -table.across, table.across], axis=1)
+    far_end = np.concatenate([touched.far_end, _own_ends(table, own, len(vehicles))], axis=1)
     normals = np.stack([x.normals for x in vehicles])
     offsets = np.stack([x.offsets for x in vehicles]) + ROUNDING
-    own_ends = np.maximum.reduceat(ends, table.hull, axis=0)
-    bodies = stack([body for x in vehicles for body in x.bodies]).reshape(
-        len(vehicles), len(vehicles[0].bodies), -1, 2
-    )
-    hulls = stack(np.split(table.hulls, table.hull[1:]))
-    # Slices with as many corners together: batches are padded to the largest.
-    order = np.argsort(_sizes(table)[pieces.slice], kind="stable")
+    bodies = np.stack([x.bodies for x in vehicles])
+    steps = bodies.shape[1] - 1
+    hulls = stack([part.hull for part in table.slices])
+    limits = np.hstack([offsets[pieces.vehicle, pieces.row], pieces.bounds * (-1.0, -1.0, 1.0)])
+    needed = far_end[pieces.vehicle, :, pieces.slice] > limits
+    # Those that need as many cuts together: batches are as wide as their widest polygon.
+    order = np.argsort(needed.sum(axis=1), kind="stable")
     for begin in range(0, len(order), BATCH):
         rows = order[begin : begin + BATCH]
-        vehicle, row, part = pieces.vehicle[rows], pieces.row[rows], pieces.slice[rows]
-        limits = np.hstack([offsets[vehicle, row], pieces.bounds[rows] * (-1.0, -1.0, 1.0)])
-        needed = np.hstack([touched.far_end[vehicle, :, part], own_ends[part]]) > limits
-        planes = np.concatenate([normals[vehicle], own_normals[part]], axis=1)
-        batch = hulls[part, : int(_sizes(table)[part].max())]
-        batch, left = _clipped(batch, planes, limits, needed)
-        rows, vehicle, row, part = rows[left], vehicle[left], row[left], part[left]
+        vehicle, part = pieces.vehicle[rows], pieces.slice[rows]
+        planes = np.concatenate([normals[vehicle], own[part]], axis=1)
+        batch, left = _clipped(trimmed(hulls[part]), planes, limits[rows], needed[rows])
+        rows, row = rows[left], pieces.row[rows[left]]
         if not len(rows):
             continue
-        steps = bodies.shape[1] - 1
-        batch = minkowski(batch, bodies[vehicle, np.where(row > steps, row - steps, row)])
-        limits = edges[rows] * (-1.0, 1.0)
-        everywhere = np.ones(limits.shape, dtype=bool)
-        batch, left = _clipped(batch, own_normals[part, 1:], limits, everywhere)
-        yield from zip(vehicle[left].tolist(), row[left].tolist(), unpadded(batch), strict=True)
+        body = bodies[pieces.vehicle[rows], np.where(row > steps, row - steps, row)]
+        batch = minkowski(trimmed(batch), body)
+        across = table.across[pieces.slice[rows]]
+        batch, left = clip(batch, -across, -edges[rows, 0])
+        rows = rows[left]
+        batch, left = clip(batch, across[left], edges[rows, 1])
+        rows = rows[left]
+        places = zip(pieces.vehicle[rows].tolist(), pieces.row[rows].tolist(), strict=True)
+        for (v, row_of), polygon in zip(places, unpadded(batch), strict=True):
+            yield v, row_of, polygon
+
+
+def _own_ends(table: LaneTable, own: Array, count: int) -> Array:
+    """(count, 3, S) how far each slice reaches along its own normals (S, 3, 2) [m]."""
+    owner = np.repeat(np.arange(len(own)), table.hull_sizes)
+    ends = np.einsum("hkx,hx->hk", own[owner], table.hulls)
+    return np.broadcast_to(np.maximum.reduceat(ends, table.hull).T, (count, 3, len(own)))
 
 
 def _clipped(batch: Array, planes: Array, limits: Array, needed: Mask) -> tuple[Array, Ints]:
@@ -160,8 +166,3 @@ def _clipped(batch: Array, planes: Array, limits: Array, needed: Mask) -> tuple[
             batch = np.concatenate([batch, np.repeat(batch[:, -1:], more, axis=1)], axis=1)
         batch[rows[left]] = found
     return batch[alive], np.flatnonzero(alive)
-
-
-def _sizes(table: LaneTable) -> Ints:
-    """(S,) number of corners of each slice."""
-    return np.diff([*table.hull.tolist(), len(table.hulls)])

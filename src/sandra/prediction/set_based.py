@@ -25,10 +25,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sandra.prediction.bodies import with_body
 from sandra.prediction.geometry import directions
 from sandra.prediction.lane_cutting import build_map
 from sandra.prediction.lane_table import LaneTable
 from sandra.prediction.lanes import LaneMap
+from sandra.prediction.most_likely import Likely
 from sandra.prediction.motion import (
     POSITION_DIRECTIONS,
     bodies,
@@ -61,13 +63,13 @@ Array = NDArray[np.float64]
 
 
 def predict_sets(
-    scene: Scene, likely: tuple[PredictedObstacle, ...], horizon: int, settings: Settings
+    scene: Scene, likely: tuple[Likely, ...], horizon: int, settings: Settings
 ) -> tuple[tuple[PredictedObstacle, ...], tuple[str, ...]]:
     """The set-based prediction of all others.
 
     Args:
         scene: the scene.
-        likely: the most likely prediction of the same obstacles; gives `states`.
+        likely: the most likely trajectories of the same obstacles; gives `states`.
         horizon: number of steps h.
         settings: for the assumptions, and R_G1's safe distance in `legal_cut_in`.
 
@@ -95,7 +97,7 @@ def predict_sets(
     relied_on: dict[str, list[int]] = {"no_rear_end": [], "legal_cut_in": []}
     for each, plan in zip(likely, plans, strict=True):
         if plan is None:
-            found.append(each)
+            found.append(with_body(each, scene.dt))
             continue
         occupancy = next(occupancies) if plan.vehicle is not None else None
         prediction = _prediction(each, plan, occupancy, horizon)
@@ -141,7 +143,7 @@ class _Plan:
 
 
 def _plan(
-    scene: Scene, likely: PredictedObstacle, lane_map: LaneMap, horizon: int, settings: Settings
+    scene: Scene, likely: Likely, lane_map: LaneMap, horizon: int, settings: Settings
 ) -> _Plan | None:
     """None for what does not move."""
     obstacle = likely.obstacle
@@ -176,7 +178,7 @@ def _plan(
 
 
 def _prediction(
-    likely: PredictedObstacle, plan: _Plan, occupancy: Occupancy | None, horizon: int
+    likely: Likely, plan: _Plan, occupancy: Occupancy | None, horizon: int
 ) -> PredictedObstacle:
     """Put a prediction together."""
     obstacle, first = likely.obstacle, plan.first
