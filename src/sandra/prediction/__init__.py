@@ -32,6 +32,8 @@ def predict(
     kind: PredictionSource = "most-likely",
     horizon: int = 25,
     settings: Settings | None = None,
+    *,
+    instants: bool = True,
 ) -> Prediction:
     """Predict all other participants over `horizon` steps of `scene.dt`.
 
@@ -43,6 +45,8 @@ def predict(
             made elsewhere, or a callable that makes one.
         horizon: number of steps h >= 1.
         settings: the assumptions of the set-based prediction; default `Settings()`.
+        instants: False where only regions between the steps are asked for: set-based regions at
+            the steps are then those of the step before, and cost nothing.
 
     Returns:
         The prediction; `notes` says in words what had to be assumed.
@@ -64,6 +68,6 @@ def predict(
     likely, notes = trajectories(scene, horizon, use_recordings=kind != "constant-velocity")
     if kind == "set-based":
         notes = tuple(f"most likely trajectories: {note}" for note in notes)
-        obstacles, more = predict_sets(scene, likely, horizon, settings)
+        obstacles, more = predict_sets(scene, likely, horizon, settings, instants)
         return Prediction(kind, scene.dt, horizon, obstacles, notes + more)
     return Prediction(kind, scene.dt, horizon, with_bodies(likely, scene.dt), notes)

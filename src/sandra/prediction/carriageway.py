@@ -17,7 +17,7 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Carriageway:
-    """P pairs of a slice and a cell beside it, by slice.
+    """P pairs of one of U slices and a cell beside it, by slice.
 
     `gap` (P,): the cell comes that near to the slice, along it and across [m]; `low` and `high`
     (P,): where the cell lies across the slice [m].
@@ -28,36 +28,38 @@ class Carriageway:
     low: Array
     high: Array
     first: Ints
-    """(S,) first pair of each slice; every slice has one."""
+    """(U,) first pair of each slice; every slice has one."""
 
     @staticmethod
-    def of(table: LaneTable, margin: float) -> Carriageway:
-        """All pairs no farther from each other than `margin` [m]."""
-        axes = np.stack([table.along, table.across], axis=1)
-        owner = np.repeat(np.arange(len(axes)), table.hull_sizes)
-        own = np.einsum("hkx,hx->hk", axes[owner], table.hulls)
-        inner = np.minimum.reduceat(own, table.hull), np.maximum.reduceat(own, table.hull)
+    def of(table: LaneTable, slices: Ints, margin: float) -> Carriageway:
+        """All pairs of some slices (U,) with cells no farther from them than `margin` [m]."""
+        low, high = table.boxes()
         # Boxes first: a margin on both axes of the slice is within twice as much on x and y.
-        boxes = (
-            np.minimum.reduceat(table.hulls, table.hull) - 2 * margin,
-            np.maximum.reduceat(table.hulls, table.hull) + 2 * margin,
-        )
-        low, high = table.cells.min(axis=1), table.cells.max(axis=1)
-        close = np.ones((len(axes), len(low)), dtype=bool)
+        low, high = low[slices] - 2 * margin, high[slices] + 2 * margin
+        close = np.ones((len(slices), len(table.cells)), dtype=bool)
         for axis in (0, 1):
-            close &= low[:, axis] <= boxes[1][:, axis, None]
-            close &= high[:, axis] >= boxes[0][:, axis, None]
+            close &= table.map.low[:, axis] <= high[:, axis, None]
+            close &= table.map.high[:, axis] >= low[:, axis, None]
         part, cell = np.nonzero(close)
-        at = np.einsum("pkx,pvx->pkv", axes[part], table.cells[cell])
-        outer = at.min(axis=2), at.max(axis=2)
-        gap = np.maximum(inner[0][part] - outer[1], outer[0] - inner[1][part]).max(axis=1)
+        owner = np.repeat(np.arange(len(table.slices)), table.hull_sizes)
+        starts, ends, gaps = [], [], []
+        for each in (table.along, table.across):
+            own = (each[owner] * table.hulls).sum(axis=1)
+            near_end = np.minimum.reduceat(own, table.hull)[slices][part]
+            far_end = np.maximum.reduceat(own, table.hull)[slices][part]
+            axis_x, axis_y = each[slices][part].T
+            at = [axis_x * x + axis_y * y for x, y in table.cells[cell].transpose(1, 2, 0)]
+            starts.append(np.minimum.reduce(at))
+            ends.append(np.maximum.reduce(at))
+            gaps.append(np.maximum(near_end - ends[-1], starts[-1] - far_end))
+        gap = np.maximum(*gaps)
         near = gap <= margin
         part, cell, gap = part[near], cell[near], gap[near]
-        first = np.searchsorted(part, np.arange(len(axes)))
-        return Carriageway(cell, gap, outer[0][near, 1], outer[1][near, 1], first)
+        first = np.searchsorted(part, np.arange(len(slices)))
+        return Carriageway(cell, gap, starts[1][near], ends[1][near], first)
 
     def edges(self, road: Mask, margin: float) -> tuple[Array, Array]:
-        """(S,) extent across each slice of the road's cells (N,) within `margin` of it [m].
+        """(U,) extent across each slice of the road's cells (N,) within `margin` of it [m].
 
         -inf to inf where there are none.
         """

@@ -26,7 +26,9 @@ def directions(count: int, first: float = 0.0) -> Array:
 
 
 def stack(polygons: list[Array]) -> Array:
-    """Polygons (n_i, 2) -> one batch (N, V, 2)."""
+    """Polygons (n_i, 2) -> one batch (N, V, 2); V = 1 if there are none."""
+    if not polygons:
+        return np.empty((0, 1, 2))
     sizes = np.array([len(p) for p in polygons])
     column = np.minimum(np.arange(sizes.max()), sizes[:, None] - 1)
     stacked: Array = np.concatenate(polygons)[(np.cumsum(sizes) - sizes)[:, None] + column]
@@ -97,21 +99,24 @@ def clip(batch: Array, normal: Array, offset: Array) -> tuple[Array, Mask]:
 
 
 def clip_all(batch: Array, normals: Array, offsets: Array) -> tuple[Array, NDArray[np.int64]]:
-    """Cut each polygon by several half-planes: normals (J, 2), offsets (N, J).
+    """Cut each polygon by several half-planes: normals (J, 2) or (N, J, 2), offsets (N, J).
 
     Returns the non-empty results and the indices (N',) of their rows.
     """
     rows = np.arange(len(batch))
-    for j, normal in enumerate(normals):
+    normals = np.broadcast_to(normals, (len(batch), *normals.shape[-2:]))
+    for j in range(normals.shape[1]):
         if not len(rows):
             break
-        batch, alive = clip(batch, normal, offsets[rows, j])
+        batch, alive = clip(batch, normals[rows, j], offsets[rows, j])
         rows = rows[alive]
     return batch, rows
 
 
 def polygons_from_support(normals: Array, offsets: Array) -> Array:
-    """The batch of { p : normals . p <= offsets[k] } for offsets (K, J); bounded, none empty.
+    """The batch of { p : normals[k] . p <= offsets[k] } for offsets (K, J); bounded, none empty.
+
+    The normals are (J, 2), the same for all, or (K, J, 2).
 
     Raises:
         ValueError: if the half-planes of a row have no point in common.

@@ -13,24 +13,30 @@ from sandra.prediction.lanes import LaneMap, Strip
 from sandra.scene.types import Lanelet
 
 Array = NDArray[np.float64]
+Index = NDArray[np.int64]
 
 CELL = 1.0
 """Longest cell [m]."""
 EXTENSION_CELL = 4.0
 """Longest cell beyond the end of the map [m]."""
+BLOCK = 64
+"""So many points of a border are projected onto another at once."""
 BACKWARD_EXTENSION = 20.0
 """How far a lanelet without predecessor is continued backwards, for long bodies [m]."""
 
 
-def build_map(lanelets: tuple[Lanelet, ...], reach: float) -> LaneMap:
+def build_map(lanelets: tuple[Lanelet, ...], reach: float, shared: bool = True) -> LaneMap:
     """Cut the lanelets into cells; `reach` [m] is how far ends of the map are continued.
+
+    Unless `shared`, progress is left on a scale of its own for each lanelet.
 
     Raises:
         ScenarioError: if a border has NaN or infinite coordinates.
     """
     known = {lanelet.id for lanelet in lanelets}
     strips = {lanelet.id: _strip(lanelet, known, reach) for lanelet in lanelets}
-    _share_progress(strips)
+    if shared:
+        _share_progress(strips)
     return LaneMap.of(strips)
 
 
@@ -152,13 +158,7 @@ def _scale(strip: Strip, other: Strip, side: int) -> Callable[[Array], Array] | 
     """
     border = (strip.right, strip.left)[side]
     facing = (other.left, other.right)[side][other.corners]
-    a, edge = facing[:-1], np.diff(facing, axis=0)
-    length2 = np.maximum((edge**2).sum(axis=1), 1e-12)
-    relative = border[:, None, :] - a[None]
-    share = np.clip((relative * edge).sum(axis=2) / length2, 0.0, 1.0)
-    gap = relative - share[..., None] * edge
-    nearest = (gap**2).sum(axis=2).argmin(axis=1)
-    within = share[np.arange(len(border)), nearest]
+    nearest, within = _projected(border, facing)
     # Cells divide the straight edges between the map's points evenly.
     index = other.corners[nearest] + within * np.diff(other.corners)[nearest]
     theirs = np.interp(index, np.arange(len(other.s)), other.progress[:, 1 - side])
@@ -177,3 +177,33 @@ def _scale(strip: Strip, other: Strip, side: int) -> Callable[[Array], Array] | 
         return np.asarray(np.interp(progress, x, y) + ahead)
 
     return scale
+
+
+def _projected(points: Array, line: Array) -> tuple[Index, Array]:
+    """For each point (n, 2) the nearest segment of a polyline, and the share of it to the foot."""
+    x, y = line[:-1].T
+    edge_x, edge_y = np.diff(line, axis=0).T
+    length2 = np.maximum(edge_x**2 + edge_y**2, 1e-12)
+
+    def measured(several: Array, among: Index) -> tuple[Array, Array]:
+        """Squared distances of points from some segments, and shares."""
+        away_x, away_y = several[:, :1] - x[among], several[:, 1:] - y[among]
+        share = (away_x * edge_x[among] + away_y * edge_y[among]) / length2[among]
+        share = np.clip(share, 0.0, 1.0)
+        gap2 = (away_x - share * edge_x[among]) ** 2 + (away_y - share * edge_y[among]) ** 2
+        return gap2, share
+
+    every = np.arange(len(x))
+    nearest, within = np.empty(len(points), dtype=np.int64), np.empty(len(points))
+    for start in range(0, len(points), BLOCK):
+        part = points[start : start + BLOCK]
+        middle = (part.min(axis=0) + part.max(axis=0)) / 2
+        radius = float(np.hypot(*(part - middle).T).max())
+        # What is nearest to one of them is nearly nearest to their middle.
+        gap = np.sqrt(measured(middle[None], every)[0][0])
+        among = np.flatnonzero(gap <= gap.min() + 2 * radius + 1e-6)
+        gap2, share = measured(part, among)
+        best = gap2.argmin(axis=1)
+        nearest[start : start + BLOCK] = among[best]
+        within[start : start + BLOCK] = share[np.arange(len(part)), best]
+    return nearest, within

@@ -8,7 +8,6 @@ lanelet l lies between cross-sections i + l and i + l + 1.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,7 +39,7 @@ class LaneTable:
     """(N + L, 2) ends of the cross-sections [m]."""
     behind: Array
     """(N,) smallest progress in each cell and those after it, in the same lanelet [m]."""
-    _ahead: NDArray[Any]
+    _ahead: Array
     """(N,) ascending keys: largest progress in each cell and those before it, by lanelet."""
     _key: Array
     """(L,) what is added to a lanelet's progress to make a key."""
@@ -53,6 +52,8 @@ class LaneTable:
     along: Array
     across: Array
     """(S, 2) unit vectors along each slice, and to its left."""
+    sides: Array
+    """(S, 2) smallest and largest coordinate across each slice [m]."""
     hulls: Array
     """(H, 2)"""
     hull: Ints
@@ -64,10 +65,14 @@ class LaneTable:
         strips = tuple(lane_map.strips.values())
         by_strip = slices_of(strips)
         slices = tuple(part for several in by_strip for part in several)
+        hulls = np.concatenate([part.hull for part in slices])
+        sizes = [len(part.hull) for part in slices]
+        hull = _first(sizes)[:-1]
         along = np.array([part.along for part in slices])
+        across = np.column_stack([-along[:, 1], along[:, 0]])
         low = min(float(x.behind.min()) for x in strips) - 1.0
         high = max(float(x.ahead.max()) for x in strips) + 1.0
-        key = np.arange(len(strips)) * (high - low)
+        key = np.arange(len(strips), dtype=np.float64) * (high - low)
         half = np.concatenate([x.half for x in strips])
         levels: list[Array] = [half]
         for level in range(int(np.log2(len(half)))):
@@ -83,18 +88,18 @@ class LaneTable:
             np.concatenate([x.right for x in strips]),
             np.concatenate([x.left for x in strips]),
             np.concatenate([np.minimum.accumulate(x.behind[::-1])[::-1] for x in strips]),
-            np.concatenate(
-                [np.maximum.accumulate(x.ahead) + k for x, k in zip(strips, key, strict=True)]
-            ),
+            np.concatenate([np.maximum.accumulate(x.ahead) for x in strips])
+            + np.repeat(key, np.diff(lane_map.cell)),
             key,
             (low, high),
-            np.array(levels, dtype=np.float64),
+            np.stack(levels),
             _first([len(several) for several in by_strip]),
             slices,
             along,
-            np.column_stack([-along[:, 1], along[:, 0]]),
-            np.concatenate([part.hull for part in slices]),
-            _first([len(part.hull) for part in slices])[:-1],
+            across,
+            np.array([part.sides for part in slices]),
+            hulls,
+            hull,
         )
 
     def nearest(self, normals: Array) -> Array:
@@ -119,10 +124,22 @@ class LaneTable:
         """(S,) number of corners of each slice."""
         return np.diff(self.hull, append=len(self.hulls))
 
-    def sides(self) -> tuple[Array, Array]:
-        """(S,) smallest and largest coordinate across each slice [m]."""
-        at = (np.repeat(self.across, self.hull_sizes, axis=0) * self.hulls).sum(axis=1)
-        return np.minimum.reduceat(at, self.hull), np.maximum.reduceat(at, self.hull)
+    def boxes(self) -> tuple[Array, Array]:
+        """(S, 2) corners of the box around each slice [m]."""
+        return (
+            np.minimum.reduceat(self.hulls, self.hull),
+            np.maximum.reduceat(self.hulls, self.hull),
+        )
+
+    def beside(self, lanelets: frozenset[int]) -> tuple[Ints, Ints]:
+        """Numbers of the slices that have one of these lanelets (ids) to their right, or left."""
+        return (
+            self._slices([x.right_id in lanelets for x in self.strips]),
+            self._slices([x.left_id in lanelets for x in self.strips]),
+        )
+
+    def _slices(self, of: list[bool]) -> Ints:
+        return np.flatnonzero(np.repeat(of, np.diff(self.slice)))
 
     def at_progress(self, lanelet: Ints, progress: Array) -> Ints:
         """The first cell of each lanelet that holds points of this progress [m] or more.

@@ -59,7 +59,7 @@ def trajectories(
 
     @cache
     def lane_map() -> LaneMap:
-        return build_map(scene.lanelets, 0.0)
+        return build_map(scene.lanelets, 0.0, shared=False)
 
     found: list[Likely] = []
     ended: dict[int, list[int]] = {}

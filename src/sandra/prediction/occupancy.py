@@ -20,26 +20,31 @@ from sandra.prediction.lane_sets import follow
 from sandra.prediction.lane_table import LaneTable
 from sandra.prediction.motion import MARGIN, circumscribed
 from sandra.prediction.pieces import Entries, Pieces, cut
-from sandra.prediction.touched import ROUNDING, Touched, Vehicle, touch
+from sandra.prediction.touched import ROUNDING, Touched, Vehicle, bodies_of, touch
 from sandra.scene.convex import distance
 from sandra.scene.types import Region
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 Regions = tuple[tuple[Region, ...], ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Scope:
-    """What all vehicles of one scene share: time step [s], the ego's lane, `max_overhang` [m]."""
+    """What all vehicles of one scene share: time step [s], the ego's lane, `max_overhang` [m].
+
+    Without `instants` only the regions during the steps are wanted.
+    """
 
     dt: float
     ego_lane: frozenset[int]
     max_overhang: float
+    instants: bool
 
 
 @dataclass(frozen=True, slots=True)
 class Occupancy:
-    """Regions in each of T rows (see `Vehicle`; the row of t_0 is empty).
+    """Regions in each of T rows (see `Vehicle`; empty where not wanted).
 
     `relied_on`: the assumptions towards the ego that left something out.
     """
@@ -48,10 +53,21 @@ class Occupancy:
     relied_on: frozenset[str]
 
 
-def free_occupancies(normals: Array, offsets: Array, body: Array) -> Regions:
-    """The acceleration-based occupancy alone, for each row of offsets (K, J), bodies (K, V, 2)."""
-    centres = polygons_from_support(normals, offsets + ROUNDING)
-    return tuple((Region(polygon),) for polygon in unpadded(minkowski(centres, body)))
+def free_occupancies(vehicles: Sequence[Vehicle]) -> list[Occupancy]:
+    """The acceleration-based occupancies alone, of participants that are not bound to lanes."""
+    if not vehicles:
+        return []
+    offsets = np.stack([x.offsets for x in vehicles])
+    here = offsets.max(axis=2) > -np.inf
+    here[:, 0] = False
+    vehicle, row = np.nonzero(here)
+    normals = np.stack([x.normals for x in vehicles])[vehicle]
+    centres = polygons_from_support(normals, offsets[here] + ROUNDING)
+    polygons = unpadded(minkowski(centres, bodies_of(vehicles, vehicle, row)))
+    found: list[list[tuple[Region, ...]]] = [[()] * offsets.shape[1] for _ in vehicles]
+    for v, k, polygon in zip(vehicle.tolist(), row.tolist(), polygons, strict=True):
+        found[v][k] = (Region(polygon),)
+    return [Occupancy(tuple(rows), frozenset()) for rows in found]
 
 
 def lane_occupancies(
@@ -63,16 +79,16 @@ def lane_occupancies(
     radii = np.array([circumscribed(x.outline) for x in vehicles])
     touched = touch(table, vehicles, radii)
     entries, relied_on = _followed(table, vehicles, touched, scope)
-    pieces = Pieces.of(table, touched, entries)
+    rows = len(vehicles[0].offsets)
+    first_row = 1 if scope.instants else rows // 2 + 1
+    pieces = Pieces.of(table, touched, entries, first_row)
     edges = _edges(table, vehicles, radii, touched, entries, pieces, scope, relied_on)
-    found: list[list[list[Region]]] = [
-        [[] for _ in range(len(vehicles[0].offsets))] for _ in vehicles
-    ]
+    found: list[list[list[Region]]] = [[[] for _ in range(rows)] for _ in vehicles]
     for vehicle, row, polygon in cut(table, vehicles, touched, pieces, edges):
         found[vehicle][row].append(Region(polygon))
     return [
-        Occupancy(tuple(map(tuple, rows)), frozenset(names))
-        for rows, names in zip(found, relied_on, strict=True)
+        Occupancy(tuple(map(tuple, several)), frozenset(names))
+        for several, names in zip(found, relied_on, strict=True)
     ]
 
 
@@ -118,40 +134,41 @@ def _edges(
     relied_on: list[set[str]],
 ) -> Array:
     """(P, 2) how far to the right and left each piece's body may be, across its slice [m]."""
-    beside = Carriageway.of(table, float(radii.max()) + MARGIN)
-    lanelet = np.repeat(np.arange(len(table.strips)), np.diff(table.slice))
-    on_right = np.array([_id(table.strips[i].right_id) for i in lanelet.tolist()])
-    on_left = np.array([_id(table.strips[i].left_id) for i in lanelet.tolist()])
-    low_side, high_side = table.sides()
+    used = np.zeros((len(vehicles), len(table.strips)), dtype=bool)
+    used[entries.vehicle, entries.lanelet] = True
+    cut_up = np.zeros((len(vehicles), len(table.slices)), dtype=bool)
+    cut_up[pieces.vehicle, pieces.slice] = True
+    some = np.flatnonzero(cut_up.any(axis=0))
+    if not len(some):
+        return np.empty((0, 2))
+    beside = Carriageway.of(table, some, float(radii.max()) + MARGIN)
     found = np.empty((len(vehicles), len(table.slices), 2))
     for v, (x, radius) in enumerate(zip(vehicles, radii.tolist(), strict=True)):
-        used = np.unique(entries.lanelet[entries.vehicle == v])
-        used_ids = {table.strips[i].id for i in used.tolist()}
-        ids = road_of(table, (p.lanelet for p in x.seen.places), used_ids, 2 * radius)
-        road = cells_of(table, ids) & touched.around[v]
-        overhang = _overhang(x, table.cells[road], radius, scope.max_overhang)
-        shut = sorted(scope.ego_lane - used_ids) if x.law.drop_cut else []
+        ids = {table.strips[i].id for i in np.flatnonzero(used[v]).tolist()}
+        lanelets = road_of(table, (p.lanelet for p in x.seen.places), ids, 2 * radius)
+        road = cells_of(table, lanelets) & touched.around[v]
+        overhang = _overhang(table, x, road, radius, scope.max_overhang)
+        shut = scope.ego_lane - ids if x.law.drop_cut else frozenset()
         road &= ~cells_of(table, shut)
         low, high = beside.edges(road, radius + MARGIN)
+        found[v, some, 0], found[v, some, 1] = low - overhang, high + overhang
         # A lane that is shut ends the body at its border, whatever road lies beyond it.
-        right_shut, left_shut = np.isin(on_right, shut), np.isin(on_left, shut)
-        found[v, :, 0] = np.where(right_shut, low_side, low - overhang)
-        found[v, :, 1] = np.where(left_shut, high_side, high + overhang)
-        if (right_shut | left_shut)[pieces.slice[pieces.vehicle == v]].any():
-            relied_on[v].add("legal_cut_in")
+        for side, borders in enumerate(table.beside(shut)):
+            found[v, borders, side] = table.sides[borders, side]
+            if cut_up[v, borders].any():
+                relied_on[v].add("legal_cut_in")
     return found[pieces.vehicle, pieces.slice]
 
 
-def _overhang(vehicle: Vehicle, road: Array, radius: float, most: float) -> float:
+def _overhang(table: LaneTable, vehicle: Vehicle, road: Mask, radius: float, most: float) -> float:
     """How far the body may stick out: as far as it does now, if that is farther [m]."""
     corners = vehicle.start_body.vertices
-    near = np.abs(road - corners.mean(axis=0)).max(axis=2).min(axis=1) < 3 * radius + 5.0
-    if not near.any():
+    middle, reach = corners.mean(axis=0), 3 * radius + 5.0
+    near = (table.map.low < middle + reach).all(axis=1) & (table.map.high > middle - reach).all(
+        axis=1
+    )
+    cells = np.flatnonzero(near & road)
+    if not len(cells):
         return most
-    out = distance(corners[:, None], road[near]).min(axis=1)
+    out = distance(corners[:, None], table.cells[cells]).min(axis=1)
     return max(most, float(out.max()) + vehicle.start_body.radius + MARGIN)
-
-
-def _id(lanelet: int | None) -> int:
-    """An id as a number, also where there is none."""
-    return -1 if lanelet is None else lanelet

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from sandra.prediction.geometry import clip, minkowski, stack, trimmed, unpadded
 from sandra.prediction.lane_table import LaneTable
-from sandra.prediction.touched import ROUNDING, Touched, Vehicle
+from sandra.prediction.touched import ROUNDING, Touched, Vehicle, bodies_of
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int_]
@@ -50,15 +50,15 @@ class Pieces:
     bounds: Array
 
     @staticmethod
-    def of(table: LaneTable, touched: Touched, entries: Entries) -> Pieces:
-        """The slices of the entries' lanelets that are touched, from the first step on."""
+    def of(table: LaneTable, touched: Touched, entries: Entries, first_row: int) -> Pieces:
+        """The slices of the entries' lanelets that are touched, in `first_row` and later ones."""
         counts = np.diff(table.slice)[entries.lanelet]
         entry = np.repeat(np.arange(len(counts)), counts)
         start = table.slice[entries.lanelet] - (np.cumsum(counts) - counts)
         part = start[entry] + np.arange(len(entry))
         ahead = np.array([x.ahead for x in table.slices])
         kept = touched.slices[entries.vehicle[entry], entries.row[entry], part]
-        kept &= (entries.m[entry] <= ahead[part]) & (entries.row[entry] > 0)
+        kept &= (entries.m[entry] <= ahead[part]) & (entries.row[entry] >= first_row)
         entry, part = entry[kept], part[kept]
         m, low, high = entries.m[entry], entries.low[entry], entries.high[entry]
         return Pieces(
@@ -113,8 +113,6 @@ def cut(
     far_end = np.concatenate([touched.far_end, _own_ends(table, own, len(vehicles))], axis=1)
     normals = np.stack([x.normals for x in vehicles])
     offsets = np.stack([x.offsets for x in vehicles]) + ROUNDING
-    bodies = np.stack([x.bodies for x in vehicles])
-    steps = bodies.shape[1] - 1
     hulls = stack([part.hull for part in table.slices])
     limits = np.hstack([offsets[pieces.vehicle, pieces.row], pieces.bounds * (-1.0, -1.0, 1.0)])
     needed = far_end[pieces.vehicle, :, pieces.slice] > limits
@@ -125,19 +123,18 @@ def cut(
         vehicle, part = pieces.vehicle[rows], pieces.slice[rows]
         planes = np.concatenate([normals[vehicle], own[part]], axis=1)
         batch, left = _clipped(trimmed(hulls[part]), planes, limits[rows], needed[rows])
-        rows, row = rows[left], pieces.row[rows[left]]
+        rows = rows[left]
         if not len(rows):
             continue
-        body = bodies[pieces.vehicle[rows], np.where(row > steps, row - steps, row)]
+        body = bodies_of(vehicles, pieces.vehicle[rows], pieces.row[rows])
         batch = minkowski(trimmed(batch), body)
-        across = table.across[pieces.slice[rows]]
-        batch, left = clip(batch, -across, -edges[rows, 0])
-        rows = rows[left]
-        batch, left = clip(batch, across[left], edges[rows, 1])
-        rows = rows[left]
-        places = zip(pieces.vehicle[rows].tolist(), pieces.row[rows].tolist(), strict=True)
-        for (v, row_of), polygon in zip(places, unpadded(batch), strict=True):
-            yield v, row_of, polygon
+        for side, sign in ((0, -1.0), (1, 1.0)):
+            across = sign * table.across[pieces.slice[rows]]
+            batch, alive = clip(batch, across, sign * edges[rows, side])
+            rows = rows[alive]
+        owners = zip(pieces.vehicle[rows].tolist(), pieces.row[rows].tolist(), strict=True)
+        for (v, row), polygon in zip(owners, unpadded(batch), strict=True):
+            yield v, row, polygon
 
 
 def _own_ends(table: LaneTable, own: Array, count: int) -> Array:

@@ -20,6 +20,7 @@ concern the ego's *current* lane only: in a neighbouring lane, nothing is left o
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,8 +41,6 @@ from sandra.prediction.motion import (
 )
 from sandra.prediction.observed import (
     NOTHING,
-    Observed,
-    TowardsEgo,
     check_assumptions,
     is_fixed,
     observe,
@@ -56,14 +55,14 @@ from sandra.prediction.occupancy import (
 )
 from sandra.prediction.touched import Vehicle
 from sandra.prediction.types import PredictedObstacle
-from sandra.scene.types import Obstacle, Region, Scene, State
+from sandra.scene.types import Obstacle, Scene, State
 from sandra.settings import Settings
 
 Array = NDArray[np.float64]
 
 
 def predict_sets(
-    scene: Scene, likely: tuple[Likely, ...], horizon: int, settings: Settings
+    scene: Scene, likely: tuple[Likely, ...], horizon: int, settings: Settings, instants: bool
 ) -> tuple[tuple[PredictedObstacle, ...], tuple[str, ...]]:
     """The set-based prediction of all others.
 
@@ -72,6 +71,7 @@ def predict_sets(
         likely: the most likely trajectories of the same obstacles; gives `states`.
         horizon: number of steps h.
         settings: for the assumptions, and R_G1's safe distance in `legal_cut_in`.
+        instants: whether tight regions at each t_k are wanted; else those of the step before.
 
     Returns:
         The predictions, and notes in words.
@@ -83,24 +83,22 @@ def predict_sets(
     check_assumptions(settings.assumptions)
     lane_map = build_map(scene.lanelets, _reach(scene, horizon, settings) + 1.0)
     plans = [_plan(scene, each, lane_map, horizon, settings) for each in likely]
-    vehicles = [plan.vehicle for plan in plans if plan is not None and plan.vehicle is not None]
     lane = next((lane for lane in scene.lanes if lane.relation == "current"), None)
     scope = Scope(
         scene.dt,
         frozenset(lane.lanelets) if lane is not None else frozenset(),
         settings.assumptions.max_overhang,
+        instants,
     )
-    occupancies = iter(
-        lane_occupancies(LaneTable.of(lane_map), vehicles, scope) if vehicles else ()
-    )
+    occupancies = _occupancies([plan.vehicle for plan in plans if plan], lane_map, scope)
     found = []
     relied_on: dict[str, list[int]] = {"no_rear_end": [], "legal_cut_in": []}
     for each, plan in zip(likely, plans, strict=True):
         if plan is None:
             found.append(with_body(each, scene.dt))
             continue
-        occupancy = next(occupancies) if plan.vehicle is not None else None
-        prediction = _prediction(each, plan, occupancy, horizon)
+        occupancy = next(occupancies)
+        prediction = _prediction(each, plan, occupancy, horizon, instants)
         found.append(prediction)
         for name, ids in relied_on.items():
             if name in prediction.assumptions:
@@ -126,20 +124,23 @@ def _reach(scene: Scene, horizon: int, settings: Settings) -> float:
     return float(travelled(np.array(start), a.max_acceleration, max(start, a.max_speed), time))
 
 
+def _occupancies(vehicles: list[Vehicle], lane_map: LaneMap, scope: Scope) -> Iterator[Occupancy]:
+    """The occupancy of each, in order."""
+    on_lanes = [x for x in vehicles if x.seen.places]
+    bound: Iterator[Occupancy] = iter(())
+    if on_lanes:
+        bound = iter(lane_occupancies(LaneTable.of(lane_map), on_lanes, scope))
+    free = iter(free_occupancies([x for x in vehicles if not x.seen.places]))
+    for x in vehicles:
+        yield next(bound) if x.seen.places else next(free)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class _Plan:
-    """How one participant that moves is predicted.
-
-    `now` is its body at step `first`, where it is first seen. Either it is a `vehicle` on lanes, or
-    `free` holds its regions at each later step, and during each step from `first` on.
-    """
+    """One participant that moves; it is first seen at step `first` (beyond the horizon: never)."""
 
     first: int
-    now: Region
-    seen: Observed | None
-    law: TowardsEgo
-    vehicle: Vehicle | None
-    free: tuple[Regions, Regions]
+    vehicle: Vehicle
 
 
 def _plan(
@@ -151,59 +152,44 @@ def _plan(
         return None
     first, state = _first_seen(obstacle)
     now = obstacle.outline.placed(state.x, state.y, state.heading)
-    if first > horizon:
-        return _Plan(first, now, None, NOTHING, None, ((), ()))
     seen = observe(obstacle, state, lane_map, settings.assumptions)
     law = towards_ego(scene, obstacle, state, seen, settings) if first == 0 else NOTHING
-    steps = horizon - first
-    if not steps:
-        return _Plan(first, now, seen, law, None, ((), ()))
     normals = directions(POSITION_DIRECTIONS, state.heading)
     times: Array = scene.dt * np.arange(horizon + 1, dtype=np.float64)
     offsets = position_offsets(state, seen.bounds, times, normals)
     # For each direction the support is convex in time: an interval's is that of an end.
     during = np.maximum(offsets[:-1], offsets[1:])
+    steps = max(horizon - first, 0)
+    offsets[steps + 1 :], during[steps:] = -np.inf, -np.inf
+    rows = np.concatenate([offsets, during])
     body = bodies(obstacle.outline, state.heading, heading_change(seen.bounds, times))
-    if seen.places:
-        offsets[steps + 1 :], during[steps:] = -np.inf, -np.inf
-        rows = np.concatenate([offsets, during])
-        vehicle = Vehicle(seen, law, obstacle.outline, now, normals, rows, body)
-        return _Plan(first, now, seen, law, vehicle, ((), ()))
-    free = free_occupancies(
-        normals,
-        np.concatenate([offsets[1 : steps + 1], during[:steps]]),
-        np.concatenate([body[1 : steps + 1]] * 2),
-    )
-    return _Plan(first, now, seen, law, None, (free[:steps], free[steps:]))
+    return _Plan(first, Vehicle(seen, law, obstacle.outline, now, normals, rows, body))
 
 
 def _prediction(
-    likely: Likely, plan: _Plan, occupancy: Occupancy | None, horizon: int
+    likely: Likely, plan: _Plan, occupancy: Occupancy, horizon: int, instants: bool
 ) -> PredictedObstacle:
     """Put a prediction together."""
-    obstacle, first = likely.obstacle, plan.first
-    if plan.seen is None:
+    obstacle, first, vehicle = likely.obstacle, plan.first, plan.vehicle
+    if first > horizon:
         return PredictedObstacle(
             obstacle, ((),) * (horizon + 1), ((),) * horizon, likely.states, (), ()
         )
     steps = horizon - first
-    later, between = plan.free
-    relied_on: tuple[str, ...] = ()
-    if occupancy is not None:
-        rows = occupancy.rows
-        later, between = rows[1 : steps + 1], rows[horizon + 1 : horizon + 1 + steps]
-        relied_on = tuple(name for name in plan.law.holds if name in occupancy.relied_on)
-    now: Regions = ((plan.now,),)
+    between = occupancy.rows[horizon + 1 : horizon + 1 + steps]
+    later = occupancy.rows[1 : steps + 1] if instants else between
+    now: Regions = ((vehicle.start_body,),)
     absent: Regions = ((),) * first
     # In the step before it is first seen it must come from somewhere: it is there already.
     arrival: Regions = now if first else ()
+    relied_on = tuple(name for name in vehicle.law.holds if name in occupancy.relied_on)
     return PredictedObstacle(
         obstacle,
         absent + now + later,
         absent[: max(first - 1, 0)] + arrival + between,
         likely.states,
-        plan.seen.assumptions + relied_on,
-        plan.seen.dropped + plan.law.dropped,
+        vehicle.seen.assumptions + relied_on,
+        vehicle.seen.dropped + vehicle.law.dropped,
     )
 
 

@@ -24,7 +24,7 @@ NEVER = 1 << 40
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Vehicle:
-    """A vehicle on lanes, and its acceleration-based sets over h steps.
+    """A participant that moves, and its acceleration-based sets over h steps.
 
     There are T = 2 h + 1 rows: one for each t_0..t_h, then one for each step in between.
     """
@@ -36,10 +36,17 @@ class Vehicle:
     normals: Array
     """(J, 2) unit vectors."""
     offsets: Array
-    """(T, J) normal . p <= offset for all reachable positions p [m]; -inf where the vehicle is not
-    predicted so far."""
+    """(T, J) normal . p <= offset for all reachable positions p [m]; -inf beyond the horizon."""
     bodies: Array
     """(h + 1, W, 2) batch of bodies around the origin, growing with each step [m]."""
+
+
+def bodies_of(vehicles: Sequence[Vehicle], vehicle: Ints, row: Ints) -> Array:
+    """(n, W, 2) the bodies of vehicles (by number) in some rows; during a step, that at its end."""
+    bodies = np.stack([x.bodies for x in vehicles])
+    steps = bodies.shape[1] - 1
+    found: Array = bodies[vehicle, np.where(row > steps, row - steps, row)]
+    return found
 
 
 @dataclass(frozen=True, slots=True, eq=False)

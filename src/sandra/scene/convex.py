@@ -35,13 +35,13 @@ def _chain(points: list[tuple[float, ...]]) -> list[tuple[float, ...]]:
 
 
 def hulls(clouds: Sequence[Array]) -> list[Array]:
-    """The same for many sets of points (n_i, 2), none empty."""
+    """The same for many sets of points (n_i, 2), two at least in each."""
     import shapely
 
     if not clouds:
         return []
     owner = np.repeat(np.arange(len(clouds)), [len(x) for x in clouds])
-    shapes = shapely.convex_hull(shapely.multipoints(np.concatenate(clouds), indices=owner))
+    shapes = shapely.convex_hull(shapely.linestrings(np.concatenate(clouds), indices=owner))
     corners, owner = shapely.get_coordinates(shapes, return_index=True)
     # A ring's last corner is its first.
     rings = shapely.get_type_id(shapes) == shapely.GeometryType.POLYGON
