@@ -2,10 +2,10 @@
 
 A vehicle is followed through the lanelets' graph: on to every successor, across to every lane of
 its own direction. Per lanelet and step the set is kept as a least progress m (it never falls: no
-reversing), an interval of y (bounded lateral speed), and the cells that the acceleration-bounded
-set of that step or interval touches. Each of the three is a bound from outside, so is their
-product. A change of lanes keeps m, because lanelets side by side measure progress on one scale:
-who changes lanes and returns is not behind where it was.
+reversing), an interval of y (bounded lateral speed), and the cells from the first to the last one
+that the acceleration-bounded set of that step or interval touches. Each of the three is a bound
+from outside, so is their product. A change of lanes keeps m, because lanelets side by side measure
+progress on one scale: who changes lanes and returns is not behind where it was.
 
 All vehicles are followed at once. Within a step the sets grow along the links of the graph
 (`lane_graph`) until nothing changes any more; as all bounds only ever loosen there, the order does

@@ -18,7 +18,7 @@ Mask = NDArray[np.bool_]
 
 ROUNDING = 1e-9
 """Half-planes are this much wider than computed [m]."""
-NEVER = 1 << 40
+NEVER = 1 << 30
 """First cell where none is touched."""
 
 
@@ -88,12 +88,13 @@ def touch(table: LaneTable, vehicles: Sequence[Vehicle], radii: Array) -> Touche
         for i in table.map.reachable(start, vehicle.seen.reversing):
             reachable[table.number[i]] = True
         cells = np.flatnonzero((nearest <= widest).all(axis=0) & reachable[of_cell])
+        numbers = cells.astype(np.int32)
         touched = _below(nearest[:, cells], vehicle.offsets)
         lanelets, parts = np.unique(of_cell[cells], return_index=True)
         mine = [table.strips[i].id for i in lanelets.tolist()]
         if mine:
-            firsts.append(np.minimum.reduceat(np.where(touched, cells, NEVER), parts, axis=1))
-            lasts.append(np.maximum.reduceat(np.where(touched, cells, -1), parts, axis=1))
+            firsts.append(np.minimum.reduceat(np.where(touched, numbers, NEVER), parts, axis=1))
+            lasts.append(np.maximum.reduceat(np.where(touched, numbers, -1), parts, axis=1))
         missing = [i for i in dict.fromkeys(start) if i not in mine]
         firsts.append(np.full((len(touched), len(missing)), NEVER))
         lasts.append(np.full((len(touched), len(missing)), -1))
@@ -118,8 +119,14 @@ def _below(nearest: Array, offsets: Array) -> Mask:
 
     `nearest` (J, n) is the smallest normal . p in each cell, `offsets` is (T, J).
     """
+    steps = len(offsets) // 2
     result = np.ones((len(offsets), nearest.shape[1]), dtype=bool)
-    one = np.empty_like(result)
-    for row, bound in zip(nearest, offsets.T + ROUNDING, strict=True):
-        result &= np.less_equal(row, bound[:, None], out=one)
+    at, during = result[: steps + 1], result[steps + 1 :]
+    one = np.empty_like(at)
+    for row, bound in zip(nearest, offsets[: steps + 1].T + ROUNDING, strict=True):
+        np.less_equal(row, bound[:, None], out=one)
+        at &= one
+        # The offset of a step is the larger one of those at its ends.
+        during &= one[:-1] | one[1:]
+    during &= offsets[steps + 1 :, :1] > -np.inf
     return result
