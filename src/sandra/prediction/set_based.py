@@ -26,7 +26,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sandra.prediction.bodies import with_body
+from sandra.prediction.bodies import with_bodies
 from sandra.prediction.geometry import directions
 from sandra.prediction.lane_cutting import build_map
 from sandra.prediction.lane_table import LaneTable
@@ -91,11 +91,11 @@ def predict_sets(
         instants,
     )
     occupancies = _occupancies([plan.vehicle for plan in plans if plan], lane_map, scope)
-    found = []
+    found: list[PredictedObstacle] = []
     relied_on: dict[str, list[int]] = {"no_rear_end": [], "legal_cut_in": []}
     for each, plan in zip(likely, plans, strict=True):
         if plan is None:
-            found.append(with_body(each, scene.dt))
+            found += with_bodies([each], scene.dt)
             continue
         occupancy = next(occupancies)
         prediction = _prediction(each, plan, occupancy, horizon, instants)
