@@ -38,6 +38,8 @@ def crowd() -> tuple[Scene, ...]:
         recorded_from(car(5, -60, 5.2, speed=20.0), 4),
         recorded_from(car(6, -60, 5.2, speed=20.0), 40),
         car(7, 40, 12.0, np.pi, 20.0),
+        recorded_from(car(10, 20, 1.75, speed=20.0, kind="bicycle"), 7),
+        recorded_from(car(11, 20, 1.75, speed=20.0, kind="bicycle"), 40),
     )
     ego = State(0, 5.25, 0.0, 20.0)
     return (

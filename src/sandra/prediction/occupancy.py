@@ -60,13 +60,14 @@ def free_occupancies(vehicles: Sequence[Vehicle]) -> list[Occupancy]:
     offsets = np.stack([x.offsets for x in vehicles])
     here = offsets.max(axis=2) > -np.inf
     here[:, 0] = False
-    vehicle, row = np.nonzero(here)
-    normals = np.stack([x.normals for x in vehicles])[vehicle]
-    centres = polygons_from_support(normals, offsets[here] + ROUNDING)
-    polygons = unpadded(minkowski(centres, bodies_of(vehicles, vehicle, row)))
     found: list[list[tuple[Region, ...]]] = [[()] * offsets.shape[1] for _ in vehicles]
-    for v, k, polygon in zip(vehicle.tolist(), row.tolist(), polygons, strict=True):
-        found[v][k] = (Region(polygon),)
+    if here.any():
+        vehicle, row = np.nonzero(here)
+        normals = np.stack([x.normals for x in vehicles])[vehicle]
+        centres = polygons_from_support(normals, offsets[here] + ROUNDING)
+        polygons = unpadded(minkowski(centres, bodies_of(vehicles, vehicle, row)))
+        for v, k, polygon in zip(vehicle.tolist(), row.tolist(), polygons, strict=True):
+            found[v][k] = (Region(polygon),)
     return [Occupancy(tuple(rows), frozenset()) for rows in found]
 
 
