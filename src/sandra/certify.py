@@ -83,7 +83,8 @@ class Basis:
         if given.kind == "set-based" and given.horizon >= steps:
             set_based = given
         else:
-            set_based = predict(scene, "set-based", steps, settings)
+            # Fail-safes and certificates only ask what is occupied during each step.
+            set_based = predict(scene, "set-based", steps, settings, instants=False)
         return Basis(
             ground, set_based, due, Surroundings.of(ground), OfFailSafe.of(scene, set_based)
         )

@@ -14,8 +14,10 @@ from sandra.prediction.geometry import (
     clip_all,
     directions,
     minkowski,
+    polygons_around,
     polygons_from_support,
     stack,
+    trimmed,
     unpadded,
 )
 from sandra.scene.convex import hull as convex_hull
@@ -81,3 +83,23 @@ def test_polygon_from_support_touches_a_circle() -> None:
     assert np.allclose(np.hypot(*polygon.T), 2 / np.cos(np.pi / 16))
     with pytest.raises(ValueError, match="no point"):
         polygons_from_support(normals, np.full((1, 16), -1.0))
+
+
+@given(clouds)
+@settings(max_examples=60, deadline=None)
+def test_support_of_a_set_gives_the_same_polygon_without_clipping(points: np.ndarray) -> None:
+    normals = directions(8, 0.3)
+    support = (points @ normals.T).max(axis=0)[None]
+    around = polygons_around(normals, support)[0]
+    clipped = unpadded(polygons_from_support(normals, support + 1e-12))[0]
+    shape = shapely.MultiPoint(around).convex_hull
+    assert shape.hausdorff_distance(shapely.MultiPoint(clipped).convex_hull) < 1e-6
+    assert area(around) == pytest.approx(shape.area, abs=1e-9)
+
+
+def test_columns_that_only_repeat_are_trimmed() -> None:
+    square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    batch = stack([square, square[:3]])
+    padded = np.concatenate([batch, np.repeat(batch[:, -1:], 5, axis=1)], axis=1)
+    assert np.array_equal(trimmed(padded), batch)
+    assert np.array_equal(trimmed(np.ones((2, 4, 2))), np.ones((2, 1, 2)))

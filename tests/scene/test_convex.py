@@ -6,7 +6,7 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sandra.scene.convex import distance
+from sandra.scene.convex import distance, hull, hulls
 
 coordinate = st.floats(-20.0, 20.0).map(lambda x: round(x, 2))
 
@@ -37,3 +37,14 @@ def test_distances_broadcast_and_know_segments_and_points() -> None:
     assert found == pytest.approx(
         np.array([[0.0, 0.0, 5.0], [0.0, 1.0, np.hypot(2, 3)], [3.0, 4.0, np.hypot(2, 4)]])
     )
+
+
+def test_many_hulls_are_the_hulls_of_each() -> None:
+    rng = np.random.default_rng(4)
+    clouds = [rng.normal(size=(int(rng.integers(2, 12)), 2)).round(1) for _ in range(300)]
+    clouds += [np.zeros((2, 2)), np.array([[0.0, 0.0], [1.0, 1.0], [2.0, 2.0]])]
+    for cloud, found in zip(clouds, hulls(clouds), strict=True):
+        expected = hull(cloud)
+        start = int(np.argmin(np.abs(expected - found[0]).sum(axis=1)))
+        assert np.array_equal(np.roll(expected, -start, axis=0), found)
+    assert hulls([]) == []

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from sandra.planning.limits import slip
 from sandra.planning.single_track import HEADING, SPEED, STEERING
+from sandra.prediction.geometry import stack
 from sandra.prediction.types import Prediction
 from sandra.scene.types import Ego, Scene
 
@@ -88,11 +89,7 @@ class Occupied:
         ]
         everything = [region for step in owned for region, _ in step]
         owner = np.array([index for step in owned for _, index in step], dtype=int)
-        most = max((len(region.vertices) for region in everything), default=1)
-        vertices = np.empty((len(everything), most, 2))
-        for row, region in zip(vertices, everything, strict=True):
-            row[: len(region.vertices)] = region.vertices
-            row[len(region.vertices) :] = region.vertices[-1]
+        vertices = stack([region.vertices for region in everything])
         radius = np.array([region.radius for region in everything], dtype=float)
         middle = (vertices.min(axis=1) + vertices.max(axis=1)) / 2
         reach = np.linalg.norm(vertices - middle[:, None], axis=2).max(axis=1) + radius

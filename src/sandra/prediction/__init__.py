@@ -6,11 +6,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 from sandra.errors import SettingsError
+from sandra.prediction.bodies import with_bodies
 from sandra.prediction.checks import check_prediction, check_scene
-from sandra.prediction.most_likely import predict_trajectories
+from sandra.prediction.most_likely import trajectories
 from sandra.prediction.set_based import predict_sets
 from sandra.prediction.types import PredictedObstacle, Prediction
 from sandra.scene.types import Scene
@@ -32,6 +32,8 @@ def predict(
     kind: PredictionSource = "most-likely",
     horizon: int = 25,
     settings: Settings | None = None,
+    *,
+    instants: bool = True,
 ) -> Prediction:
     """Predict all other participants over `horizon` steps of `scene.dt`.
 
@@ -43,6 +45,8 @@ def predict(
             made elsewhere, or a callable that makes one.
         horizon: number of steps h >= 1.
         settings: the assumptions of the set-based prediction; default `Settings()`.
+        instants: False where only regions between the steps are asked for: set-based regions at
+            the steps are then those of the step before, and cost nothing.
 
     Returns:
         The prediction; `notes` says in words what had to be assumed.
@@ -61,11 +65,9 @@ def predict(
         return check_prediction(kind(scene, horizon, settings), scene, horizon)
     if kind not in KINDS:
         raise SettingsError(f"unknown prediction {kind!r}: choose from {', '.join(KINDS)}")
-    use_recordings = kind != "constant-velocity"
-    obstacles, notes = predict_trajectories(scene, horizon, use_recordings)
-    result = Prediction(kind, scene.dt, horizon, obstacles, notes)
+    likely, notes = trajectories(scene, horizon, use_recordings=kind != "constant-velocity")
     if kind == "set-based":
-        obstacles, more = predict_sets(scene, obstacles, horizon, settings)
         notes = tuple(f"most likely trajectories: {note}" for note in notes)
-        result = replace(result, obstacles=obstacles, notes=notes + more)
-    return result
+        obstacles, more = predict_sets(scene, likely, horizon, settings, instants)
+        return Prediction(kind, scene.dt, horizon, obstacles, notes + more)
+    return Prediction(kind, scene.dt, horizon, with_bodies(likely, scene.dt), notes)

@@ -6,11 +6,15 @@ repeating its last one. Degenerate polygons (a segment, a point) are polygons to
 
 from __future__ import annotations
 
+from itertools import pairwise
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+Points = NDArray[np.complex128]
 
 _EPS = 1e-9
 
@@ -22,20 +26,37 @@ def directions(count: int, first: float = 0.0) -> Array:
 
 
 def stack(polygons: list[Array]) -> Array:
-    """Polygons (n_i, 2) -> one batch (N, V, 2)."""
+    """Polygons (n_i, 2) -> one batch (N, V, 2); V = 1 if there are none."""
+    if not polygons:
+        return np.empty((0, 1, 2))
     sizes = np.array([len(p) for p in polygons])
     column = np.minimum(np.arange(sizes.max()), sizes[:, None] - 1)
     stacked: Array = np.concatenate(polygons)[(np.cumsum(sizes) - sizes)[:, None] + column]
     return stacked
 
 
-def _compact(points: Array, keep: Mask) -> Array:
-    """Move the kept points of each row to its front; pad with the last kept one."""
+def _complex(batch: Array) -> Points:
+    """(N, V) points x + iy of a batch: one operation moves both coordinates."""
+    points: Points = np.ascontiguousarray(batch).view(np.complex128)[..., 0]
+    return points
+
+
+def _batch(points: Points) -> Array:
+    """The reverse of `_complex`."""
+    batch: Array = np.ascontiguousarray(points)[..., None].view(np.float64)
+    return batch
+
+
+def _following(row: NDArray[Any]) -> NDArray[Any]:
+    """What follows on each entry of the rows, cyclically."""
+    return np.concatenate([row[:, 1:], row[:, :1]], axis=1)
+
+
+def _compact(points: Points, keep: Mask) -> Points:
+    """Move the kept points of each row, one at least, to its front; pad with the last one."""
     count = keep.sum(axis=1)
-    order = np.argsort(~keep, axis=1, kind="stable")
-    column = np.minimum(np.arange(int(count.max(initial=1)))[None, :], count[:, None] - 1)
-    chosen = order[np.arange(len(points))[:, None], column]
-    compacted: Array = points[np.arange(len(points))[:, None], chosen]
+    column = np.minimum(np.arange(int(count.max(initial=1))), count[:, None] - 1)
+    compacted: Points = points[keep][(np.cumsum(count) - count)[:, None] + column]
     return compacted
 
 
@@ -54,41 +75,48 @@ def clip(batch: Array, normal: Array, offset: Array) -> tuple[Array, Mask]:
     excess = batch[..., 0] * normals[:, :1] + batch[..., 1] * normals[:, 1:] - offset[:, None]
     inside: Mask = np.asarray(excess <= _EPS)
     alive: Mask = np.asarray(inside.any(axis=1))
-    touched = alive & ~inside.all(axis=1)
-    if not touched.any():
+    touched = np.flatnonzero(alive & ~inside.all(axis=1))
+    if not len(touched):
         return batch[alive], alive
-    p, e, i = batch[touched], excess[touched], inside[touched]
-    following = np.arange(1, p.shape[1] + 1) % p.shape[1]
-    q, f, j = p[:, following], e[:, following], i[:, following]
-    crossing = i != j
-    share = np.where(crossing, e / np.where(crossing, e - f, 1.0), 0.0)
-    cut = p + np.clip(share, 0.0, 1.0)[:, :, None] * (q - p)
-    both = np.stack([p, cut], axis=2).reshape(len(p), -1, 2)
-    keep = np.stack([i, crossing], axis=2).reshape(len(p), -1)
-    clipped = _compact(both, keep)
+    p, e, i = _complex(batch[touched]), excess[touched], inside[touched]
+    q, f = _following(p), _following(e)
+    crossing = i != _following(i)
+    share = np.clip(e[crossing] / (e[crossing] - f[crossing]), 0.0, 1.0)
+    # Each vertex, and after it the point at which the edge that begins there is cut.
+    both = np.empty((*p.shape, 2), dtype=np.complex128)
+    both[..., 0] = p
+    both[crossing, 1] = p[crossing] + share * (q[crossing] - p[crossing])
+    # Of repeated vertices one is enough.
+    keep = np.stack([i & (p != q), crossing], axis=2)
+    keep[:, 0, 0] |= ~keep.any(axis=(1, 2))
+    clipped = _compact(both.reshape(len(p), -1), keep.reshape(len(p), -1))
     width = max(clipped.shape[1], batch.shape[1])
-    out = np.concatenate([batch, np.repeat(batch[:, -1:], width - batch.shape[1], axis=1)], axis=1)
-    padding = np.repeat(clipped[:, -1:], width - clipped.shape[1], axis=1)
-    out[touched] = np.concatenate([clipped, padding], axis=1)
-    return out[alive], alive
+    out = np.empty((len(batch), width), dtype=np.complex128)
+    for rows, points in ((slice(None), _complex(batch)), (touched, clipped)):
+        out[rows, : points.shape[1]] = points
+        out[rows, points.shape[1] :] = points[:, -1:]
+    return _batch(out[alive]), alive
 
 
 def clip_all(batch: Array, normals: Array, offsets: Array) -> tuple[Array, NDArray[np.int64]]:
-    """Cut each polygon by several half-planes: normals (J, 2), offsets (N, J).
+    """Cut each polygon by several half-planes: normals (J, 2) or (N, J, 2), offsets (N, J).
 
     Returns the non-empty results and the indices (N',) of their rows.
     """
     rows = np.arange(len(batch))
-    for j, normal in enumerate(normals):
+    normals = np.broadcast_to(normals, (len(batch), *normals.shape[-2:]))
+    for j in range(normals.shape[1]):
         if not len(rows):
             break
-        batch, alive = clip(batch, normal, offsets[rows, j])
+        batch, alive = clip(batch, normals[rows, j], offsets[rows, j])
         rows = rows[alive]
     return batch, rows
 
 
 def polygons_from_support(normals: Array, offsets: Array) -> Array:
-    """The batch of { p : normals . p <= offsets[k] } for offsets (K, J); bounded, none empty.
+    """The batch of { p : normals[k] . p <= offsets[k] } for offsets (K, J); bounded, none empty.
+
+    The normals are (J, 2), the same for all, or (K, J, 2).
 
     Raises:
         ValueError: if the half-planes of a row have no point in common.
@@ -101,32 +129,58 @@ def polygons_from_support(normals: Array, offsets: Array) -> Array:
     return batch
 
 
+def polygons_around(normals: Array, support: Array) -> Array:
+    """The same for the support (K, J) of convex sets: a batch (K, J, 2), without any clipping.
+
+    As the sets touch all half-planes, the corners are where consecutive ones meet. The normals
+    are at equal angles.
+    """
+    turn = 2 * np.pi / len(normals)
+    tangents = np.column_stack([-normals[:, 1], normals[:, 0]])
+    along = (np.roll(support, -1, axis=1) - support * np.cos(turn)) / np.sin(turn)
+    corners: Array = support[..., None] * normals + along[..., None] * tangents
+    return corners
+
+
 def minkowski(batch: Array, other: Array) -> Array:
     """Minkowski sums of each polygon (N, V, 2) with a convex polygon of its own (N, W, 2).
 
     The edges of both, sorted by angle, are the edges of the sum; it is placed by its smallest x
     and y, which are the sums of the operands' smallest ones.
     """
-    edges = np.concatenate(
-        [np.roll(batch, -1, axis=1) - batch, np.roll(other, -1, axis=1) - other], axis=1
-    )
-    angle = np.mod(np.arctan2(edges[..., 1], edges[..., 0]), 2 * np.pi)
+    p, q = _complex(batch), _complex(other)
+    edges = np.concatenate([_following(p) - p, _following(q) - q], axis=1)
+    angle = np.arctan2(edges.imag, edges.real)
     order = np.argsort(angle, axis=1, kind="stable")
-    edges = np.take_along_axis(edges, order[:, :, None], axis=1)
-    angle = np.take_along_axis(angle, order, axis=1)
+    order += (np.arange(len(order)) * order.shape[1])[:, None]
+    edges, angle = edges.ravel()[order], angle.ravel()[order]
     corners = np.cumsum(edges, axis=1)
-    shift = batch.min(axis=1) + other.min(axis=1) - corners.min(axis=1)
-    corners = corners + shift[:, None, :]
+    corners += (_lowest(p) + _lowest(q) - _lowest(corners))[:, None]
     # A corner between two parallel edges, or after an edge without length, is no corner.
-    turn = np.roll(angle, -1, axis=1) - angle
+    turn = _following(angle) - angle
     turn[:, -1] += 2 * np.pi
     keep = turn > 1e-7
     keep[:, 0] |= ~keep.any(axis=1)
-    return _compact(corners, keep)
+    return _batch(_compact(corners, keep))
+
+
+def _lowest(points: Points) -> Points:
+    """(N,) smallest x and smallest y of each row, as one complex number."""
+    return np.asarray(points.real.min(axis=1) + 1j * points.imag.min(axis=1))
+
+
+def trimmed(batch: Array) -> Array:
+    """The same batch without columns that only repeat the last vertex of all rows."""
+    points = _complex(batch)
+    used = (points != points[:, -1:]).any(axis=0)
+    return batch[:, : len(used) - int(used[::-1].argmax()) + 1 if used.any() else 1]
 
 
 def unpadded(batch: Array) -> list[Array]:
     """The polygons (n_i, 2) of a batch, without repeated vertices."""
-    moved = np.abs(batch - np.roll(batch, 1, axis=1)).max(axis=2) > _EPS
+    points = _complex(batch)
+    step = points - np.concatenate([points[:, -1:], points[:, :-1]], axis=1)
+    moved = (np.abs(step.real) > _EPS) | (np.abs(step.imag) > _EPS)
     moved[:, 0] |= ~moved.any(axis=1)
-    return [polygon[keep] for polygon, keep in zip(batch, moved, strict=True)]
+    corners = _batch(points[moved])
+    return [corners[a:b] for a, b in pairwise([0, *np.cumsum(moved.sum(axis=1)).tolist()])]

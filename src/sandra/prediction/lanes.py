@@ -6,54 +6,24 @@ line; who does not drive backwards never loses any. Cross-sections may be slante
 along one: it is given at both its ends and linear in between. Lanelets side by side share one
 scale of p, so that a change of lanes leaves it as it is. All in metres.
 
-Cells (about 1 m) decide which stretch of a lanelet can be reached; slices (as long as the road is
-straight) become regions.
+Cells (about 1 m) decide which stretch of a lanelet can be reached.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
-from itertools import pairwise
+from collections.abc import Iterable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sandra.errors import ScenarioError
-from sandra.scene.convex import distance, hull
-from sandra.scene.types import Lanelet
+from sandra.scene.convex import distance
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-CELL = 1.0
-"""Longest cell [m]."""
-EXTENSION_CELL = 4.0
-"""Longest cell beyond the end of the map [m]."""
-STRAIGHT = 0.15
-"""Borders of a slice leave its chords by at most this [m]."""
-END_CELLS = 8
-"""A slice ends so many cells from either end of a lanelet."""
-BACKWARD_EXTENSION = 20.0
-"""How far a lanelet without predecessor is continued backwards, for long bodies [m]."""
 START_ERROR = 0.1
 """Bound on the error of the (p, y) found for a point [m]."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Slice:
-    """Cross-sections first..last of a strip, whose hull is nearly the strip itself."""
-
-    first: int
-    last: int
-    hull: Array
-    """(n, 2) [m]"""
-    along: Array
-    """(2,) unit vector in the direction of travel."""
-    ahead: float
-    """Largest progress in it [m]."""
-    lag: float
-    """Progress exceeds the way along the slice by at most this: along . x >= p - lag [m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,12 +49,8 @@ class Strip:
     """A speed across the lane changes y at most this much faster (slanted cross-sections)."""
     cells: Array
     """(n-1, 4, 2) quadrilaterals [m]."""
-    low: Array
-    """(n-1, 2) lower left corner of the box around each cell."""
-    high: Array
     corners: Index
     """Indices of the cross-sections that the map gives; between them the borders are straight."""
-    slices: tuple[Slice, ...]
     successors: tuple[int, ...]
     predecessors: tuple[int, ...]
     left_id: int | None
@@ -109,40 +75,39 @@ class Place:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LaneMap:
-    """All lanelets by id."""
+    """All lanelets by id, L with N cells in all."""
 
     strips: dict[int, Strip]
+    cell: Index
+    """(L + 1,) first cell of each lanelet, in the order of `strips`; the last entry is N."""
+    low: Array
+    high: Array
+    """(N, 2) corners of the box around each cell [m]."""
 
-    def restricted(self, lanelets: list[int]) -> LaneMap:
-        """The same map without the other lanelets, and without the links to them."""
-        keep = set(lanelets)
-        return LaneMap(
-            {
-                i: replace(
-                    self.strips[i],
-                    successors=tuple(j for j in self.strips[i].successors if j in keep),
-                    predecessors=tuple(j for j in self.strips[i].predecessors if j in keep),
-                    left_id=self.strips[i].left_id if self.strips[i].left_id in keep else None,
-                    right_id=self.strips[i].right_id if self.strips[i].right_id in keep else None,
-                )
-                for i in lanelets
-            }
-        )
+    @staticmethod
+    def of(strips: dict[int, Strip]) -> LaneMap:
+        """Put strips together."""
+        cells = [x.cells for x in strips.values()] or [np.empty((0, 4, 2))]
+        every = np.concatenate(cells)
+        first = np.concatenate([[0], np.cumsum([len(x) for x in cells])])
+        return LaneMap(strips, first, every.min(axis=1), every.max(axis=1))
 
     def places(self, x: float, y: float, heading: float, tolerance: float) -> list[Place]:
         """Every lanelet that holds the point (up to `tolerance` [m])."""
-        point = np.array([[x, y]])
+        point = np.array([x, y])
+        beside = ((point < self.low - tolerance) | (point > self.high + tolerance)).any(axis=1)
+        within = np.flatnonzero(~beside)
+        owner = self.cell.searchsorted(within, side="right") - 1
+        strips = tuple(self.strips.values())
         found = []
-        for strip in self.strips.values():
-            beside = (point[0] < strip.low - tolerance) | (point[0] > strip.high + tolerance)
-            boxes = np.flatnonzero(~beside.any(axis=1))
-            if not len(boxes):
-                continue
+        for number in np.unique(owner).tolist():
+            strip = strips[number]
+            boxes = within[owner == number] - self.cell[number]
             near = distance(point, strip.cells[boxes])
             i = int(boxes[near.argmin()])
             if near.min() > tolerance:
                 continue
-            s, p, offset = _locate(strip, i, point[0])
+            s, p, offset = _locate(strip, i, point)
             along = strip.centre[i + 1] - strip.centre[i]
             relative = heading - float(np.arctan2(along[1], along[0]))
             relative = (relative + np.pi) % (2 * np.pi) - np.pi
@@ -195,223 +160,3 @@ def _beyond(strip: Strip, i: int, point: Array) -> float:
     """Distance of a point beyond the line through cross-section i [m]."""
     ahead = np.array([strip.across[i, 1], -strip.across[i, 0]])
     return float((point - strip.centre[i]) @ ahead)
-
-
-def build_map(lanelets: tuple[Lanelet, ...], reach: float) -> LaneMap:
-    """Cut the lanelets into cells; `reach` [m] is how far ends of the map are continued.
-
-    Raises:
-        ScenarioError: if a border has NaN or infinite coordinates.
-    """
-    known = {lanelet.id for lanelet in lanelets}
-    strips = {lanelet.id: _strip(lanelet, known, reach) for lanelet in lanelets}
-    _share_progress(strips)
-    return LaneMap(strips)
-
-
-def _share_progress(strips: dict[int, Strip]) -> None:
-    """Bring the progress of lanelets side by side onto the scale of one of them, in `strips`."""
-    done: set[int] = set()
-    for first in strips:
-        if first in done:
-            continue
-        done.add(first)
-        todo = [first]
-        for i in todo:
-            for side, j in ((0, strips[i].right_id), (1, strips[i].left_id)):
-                if j is None or j in done:
-                    continue
-                done.add(j)
-                todo.append(j)
-                scale = _scale(strips[i], strips[j], side)
-                if scale is not None:
-                    strips[j] = _with_progress(strips[j], scale(strips[j].progress))
-                    strips[i] = replace(strips[i], shared=strips[i].shared | {j})
-                    strips[j] = replace(strips[j], shared=strips[j].shared | {i})
-
-
-def _with_progress(strip: Strip, progress: Array) -> Strip:
-    cells = np.stack([progress[:-1], progress[1:]], axis=1)
-    return replace(
-        strip,
-        progress=progress,
-        behind=cells.min(axis=(1, 2)),
-        ahead=cells.max(axis=(1, 2)),
-        slices=tuple(_measured(strip, part, progress) for part in strip.slices),
-    )
-
-
-def _measured(strip: Strip, part: Slice, progress: Array) -> Slice:
-    index = slice(part.first, part.last + 1)
-    ways = np.column_stack([strip.right[index] @ part.along, strip.left[index] @ part.along])
-    lag = float((progress[index] - ways).max())
-    return replace(part, ahead=float(progress[index].max()), lag=lag)
-
-
-def _strip(lanelet: Lanelet, known: set[int], reach: float) -> Strip:
-    right = np.asarray(lanelet.right, dtype=float)
-    left = np.asarray(lanelet.left, dtype=float)
-    if not (np.isfinite(right).all() and np.isfinite(left).all()):
-        raise ScenarioError(
-            f"lanelet {lanelet.id}: its borders hold NaN or infinite coordinates; correct the map"
-        )
-    successors = tuple(i for i in lanelet.successors if i in known)
-    predecessors = tuple(i for i in lanelet.predecessors if i in known)
-    steps = _cell_counts(right, left, CELL)
-    if not predecessors:
-        shift = _end_direction(right[::-1], left[::-1]) * BACKWARD_EXTENSION
-        right = np.vstack([right[0] + shift, right])
-        left = np.vstack([left[0] + shift, left])
-        steps = [int(np.ceil(BACKWARD_EXTENSION / EXTENSION_CELL)), *steps]
-    if not successors and reach > 0:
-        shift = _end_direction(right, left) * reach
-        right = np.vstack([right, right[-1] + shift])
-        left = np.vstack([left, left[-1] + shift])
-        steps = [*steps, int(np.ceil(reach / EXTENSION_CELL))]
-    knots = np.concatenate([[0.0], *(i + (np.arange(n) + 1) / n for i, n in enumerate(steps))])
-    original = np.arange(len(right))
-    right = np.column_stack([np.interp(knots, original, right[:, i]) for i in (0, 1)])
-    left = np.column_stack([np.interp(knots, original, left[:, i]) for i in (0, 1)])
-    centre = (right + left) / 2
-    s = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(centre, axis=0), axis=1))])
-    tangent = np.gradient(centre, axis=0)
-    tangent /= np.maximum(np.linalg.norm(tangent, axis=1), 1e-12)[:, None]
-    width = np.linalg.norm(left - right, axis=1)
-    sideways = np.column_stack([-tangent[:, 1], tangent[:, 0]])
-    across = np.where(
-        width[:, None] > 1e-6, (left - right) / np.maximum(width, 1e-6)[:, None], sideways
-    )
-    upright = np.clip((across * sideways).sum(axis=1), 0.2, 1.0)
-    # How far the ends of a slanted cross-section are ahead of its middle.
-    lead = width / 2 * (across * tangent).sum(axis=1)
-    progress = np.column_stack([s - lead, s + lead])
-    cells = np.stack([right[:-1], right[1:], left[1:], left[:-1]], axis=1)
-    same = (lanelet.adjacent_left, lanelet.adjacent_right)
-    left_id, right_id = (a[0] if a and a[1] and a[0] in known else None for a in same)
-    plain = Strip(
-        id=lanelet.id,
-        s=s,
-        right=right,
-        left=left,
-        centre=centre,
-        across=across,
-        half=width / 2,
-        progress=progress,
-        behind=s[:-1],
-        ahead=s[1:],
-        stretch=float(1.0 / upright.min()),
-        cells=cells,
-        low=cells.min(axis=1),
-        high=cells.max(axis=1),
-        corners=np.concatenate([[0], np.cumsum(steps)]).astype(np.int64),
-        slices=tuple(_slices(right, left)),
-        successors=successors,
-        predecessors=predecessors,
-        left_id=left_id,
-        right_id=right_id,
-        shared=frozenset(),
-    )
-    return _with_progress(plain, progress)
-
-
-def _cell_counts(right: Array, left: Array, longest: float) -> list[int]:
-    sides = [np.linalg.norm(np.diff(side, axis=0), axis=1) for side in (right, left)]
-    return [max(1, int(n)) for n in np.ceil(np.maximum(*sides) / longest)]
-
-
-def _end_direction(right: Array, left: Array) -> Array:
-    """Unit vector straight on from the end of a lanelet."""
-    centre = (right + left) / 2
-    length = np.linalg.norm(centre - centre[-1], axis=1)
-    far = np.nonzero(length > 0.5)[0]
-    start = int(far[-1]) if len(far) else 0
-    along = centre[-1] - centre[start]
-    unit: Array = along / max(float(np.hypot(*along)), 1e-12)
-    return unit
-
-
-def _slices(right: Array, left: Array) -> list[Slice]:
-    """Greedy: each slice as long as both borders stay within STRAIGHT of their chords.
-
-    Lanelets begin and end where the road widens; slices end there too, so that what lies beyond
-    one end does not loosen the bounds of the rest.
-    """
-    total = len(right)
-    marks = [i for i in (END_CELLS, total - 1 - END_CELLS) if END_CELLS <= i < total - 1]
-    found: list[Slice] = []
-    for low, high in pairwise([0, *sorted(set(marks)), total - 1]):
-        part = slice(low, high + 1)
-        for x in _straight_slices(right[part], left[part]):
-            found.append(replace(x, first=x.first + low, last=x.last + low))
-    return found
-
-
-def _straight_slices(right: Array, left: Array) -> list[Slice]:
-    slices = []
-    first, n = 0, len(right)
-    while first < n - 1:
-        last = first + 1
-        step = 1
-        # Gallop, then narrow down: few tests also on long straight lanelets.
-        while last + step < n and _is_straight(right, left, first, last + step):
-            last += step
-            step *= 2
-        while step:
-            if last + step < n and _is_straight(right, left, first, last + step):
-                last += step
-            step //= 2
-        outline = hull(np.vstack([right[first : last + 1], left[first : last + 1]]))
-        along = (right[last] + left[last] - right[first] - left[first]) / 2
-        length = float(np.hypot(*along))
-        unit = along / length if length > 0 else np.array([1.0, 0.0])
-        slices.append(Slice(first, last, outline, unit, np.inf, np.inf))
-        first = last
-    return slices
-
-
-def _is_straight(right: Array, left: Array, first: int, last: int) -> bool:
-    for side in (right, left):
-        chord = side[last] - side[first]
-        length = float(np.hypot(*chord))
-        inner = side[first + 1 : last] - side[first]
-        if length < 1e-9:
-            return False
-        away = np.abs(chord[0] * inner[:, 1] - chord[1] * inner[:, 0]) / length
-        if away.max(initial=0.0) > STRAIGHT:
-            return False
-    return True
-
-
-def _scale(strip: Strip, other: Strip, side: int) -> Callable[[Array], Array] | None:
-    """The map from another lanelet's progress to a strip's, along their common border.
-
-    `side`: 0 if the other is to the right, 1 if to the left. None if the borders do not face each
-    other over any length.
-    """
-    border = (strip.right, strip.left)[side]
-    facing = (other.left, other.right)[side][other.corners]
-    a, edge = facing[:-1], np.diff(facing, axis=0)
-    length2 = np.maximum((edge**2).sum(axis=1), 1e-12)
-    relative = border[:, None, :] - a[None]
-    share = np.clip((relative * edge).sum(axis=2) / length2, 0.0, 1.0)
-    gap = relative - share[..., None] * edge
-    nearest = (gap**2).sum(axis=2).argmin(axis=1)
-    within = share[np.arange(len(border)), nearest]
-    # Cells divide the straight edges between the map's points evenly.
-    index = other.corners[nearest] + within * np.diff(other.corners)[nearest]
-    theirs = np.interp(index, np.arange(len(other.s)), other.progress[:, 1 - side])
-    # Beyond the other border's ends all points have the same foot: they tell nothing.
-    facing_it = (index > 0) & (index < len(other.s) - 1)
-    facing_it[1:] |= facing_it[:-1].copy()
-    facing_it[:-1] |= facing_it[1:].copy()
-    x, y = theirs[facing_it], strip.progress[facing_it, side]
-    rising = np.concatenate([[True], np.diff(np.maximum.accumulate(x)) > 1e-6])[: len(x)]
-    x, y = x[rising], np.maximum.accumulate(y)[rising]
-    if len(x) < 2:
-        return None
-
-    def scale(progress: Array) -> Array:
-        ahead = np.maximum(progress - x[-1], 0.0) + np.minimum(progress - x[0], 0.0)
-        return np.asarray(np.interp(progress, x, y) + ahead)
-
-    return scale

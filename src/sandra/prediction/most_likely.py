@@ -10,22 +10,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cache
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sandra.prediction.lanes import LaneMap, Place, Strip, build_map
-from sandra.prediction.motion import circumscribed
+from sandra.prediction.lane_cutting import build_map
+from sandra.prediction.lanes import LaneMap, Place, Strip
 from sandra.prediction.observed import FIXED_KINDS, is_fixed
-from sandra.prediction.types import PredictedObstacle
-from sandra.scene.convex import hull
-from sandra.scene.types import Obstacle, Region, Scene
+from sandra.scene.types import Obstacle, Scene
 
 Array = NDArray[np.float64]
-Regions = tuple[tuple[Region, ...], ...]
 
+RECORDED_SETS = "recorded occupancies"
+"""The assumption of what is recorded as sets."""
 ALONG_LANE = math.radians(45.0)
 """A vehicle whose heading leaves its lane's by more does not drive along it."""
 ON_LANE = 0.02
@@ -34,10 +33,19 @@ _SHORTEST = 0.05
 """Points of a path are at least this far apart [m]."""
 
 
-def predict_trajectories(
+@dataclass(frozen=True, slots=True, eq=False)
+class Likely:
+    """The most likely trajectory of one participant: (h+1, 5) `states`, and what was assumed."""
+
+    obstacle: Obstacle
+    states: Array
+    assumptions: tuple[str, ...]
+
+
+def trajectories(
     scene: Scene, horizon: int, use_recordings: bool
-) -> tuple[tuple[PredictedObstacle, ...], tuple[str, ...]]:
-    """The most likely trajectory of every other participant, with its body along it.
+) -> tuple[tuple[Likely, ...], tuple[str, ...]]:
+    """The most likely trajectory of every other participant.
 
     Args:
         scene: the scene.
@@ -46,14 +54,14 @@ def predict_trajectories(
             obstacles that are recorded as sets; False: constant velocity for all.
 
     Returns:
-        The predictions, and notes in words about what had to be assumed.
+        The trajectories, and notes in words about what had to be assumed.
     """
 
     @cache
     def lane_map() -> LaneMap:
-        return build_map(scene.lanelets, 0.0)
+        return build_map(scene.lanelets, 0.0, shared=False)
 
-    found: list[PredictedObstacle] = []
+    found: list[Likely] = []
     ended: dict[int, list[int]] = {}
     absent: list[int] = []
     late: list[int] = []
@@ -61,12 +69,14 @@ def predict_trajectories(
     unknown: list[int] = []
     for obstacle in scene.obstacles:
         if is_fixed(obstacle):
-            found.append(_fixed(obstacle, horizon))
+            how = "parked" if obstacle.kind in FIXED_KINDS else "static"
+            found.append(Likely(obstacle, _standing(obstacle, horizon), (how,)))
             continue
         recorded = obstacle.states if use_recordings else None
         if use_recordings and obstacle.occupancies:
-            prediction, last = _recorded_sets(obstacle, scene.dt, horizon)
-            found.append(prediction)
+            states = _within_sets(obstacle, horizon)
+            found.append(Likely(obstacle, states, (RECORDED_SETS,)))
+            last = len(obstacle.occupancies) - 1
             if last < horizon:
                 as_sets.append((obstacle.id, last))
             continue
@@ -83,7 +93,7 @@ def predict_trajectories(
             if first > 0 or not np.isfinite(states[:, 0]).any():
                 late.append(obstacle.id)
         how = "recorded trajectory" if recorded is not None else "constant velocity along the lane"
-        found.append(_with_body(obstacle, states, (how,)))
+        found.append(Likely(obstacle, states, (how,)))
     return tuple(found), _notes(horizon, ended, absent, late, as_sets, unknown)
 
 
@@ -123,17 +133,24 @@ def _ids(identifiers: list[int]) -> str:
     return f"obstacles {shown}" + (", ..." if len(identifiers) > 12 else "")
 
 
-def _fixed(obstacle: Obstacle, horizon: int) -> PredictedObstacle:
+def _standing(obstacle: Obstacle, horizon: int) -> Array:
+    """(h+1, 5) states of what stays where it is."""
     s = obstacle.state
-    region = (obstacle.outline.placed(s.x, s.y, s.heading),)
-    row = np.array([s.x, s.y, s.heading, 0.0, 0.0])
-    return PredictedObstacle(
-        obstacle,
-        (region,) * (horizon + 1),
-        (region,) * horizon,
-        np.tile(row, (horizon + 1, 1)),
-        ("parked" if obstacle.kind in FIXED_KINDS else "static",),
-    )
+    return np.tile(np.array([s.x, s.y, s.heading, 0.0, 0.0]), (horizon + 1, 1))
+
+
+def _within_sets(obstacle: Obstacle, horizon: int) -> Array:
+    """(h+1, 5) states in the middle of recorded occupancies, with the observed velocity."""
+    sets = obstacle.occupancies or ()
+    s = obstacle.state
+    states = np.full((horizon + 1, 5), np.nan)
+    for k in range(horizon + 1):
+        regions = sets[min(k, len(sets) - 1)]
+        if regions:
+            points = np.vstack([r.vertices for r in regions])
+            x, y = (points.min(axis=0) + points.max(axis=0)) / 2
+            states[k] = x, y, s.heading, s.speed, 0.0
+    return states
 
 
 def _trajectory(
@@ -245,47 +262,3 @@ def _bend(now: Strip, following: Strip) -> float:
     after = following.centre[-1] - following.centre[0]
     turn = math.atan2(after[1], after[0]) - math.atan2(before[1], before[0])
     return abs((turn + math.pi) % (2 * math.pi) - math.pi)
-
-
-def _with_body(
-    obstacle: Obstacle, states: Array, assumptions: tuple[str, ...]
-) -> PredictedObstacle:
-    present = np.isfinite(states[:, 0])
-    at: Regions = tuple(
-        (obstacle.outline.placed(*row[:3].tolist()),) if there else ()
-        for row, there in zip(states, present, strict=True)
-    )
-    radius = circumscribed(obstacle.outline)
-    between = []
-    for k in range(len(states) - 1):
-        now, then = at[k], at[k + 1]
-        if not now or not then:
-            between.append(now or then)
-            continue
-        # Linear motion, turning at a constant rate: corners bulge out of the hull of both bodies
-        # by the error of linear interpolation, r dtheta^2 / 8.
-        turn = states[k + 1, 2] - states[k, 2]
-        turn = (turn + math.pi) % (2 * math.pi) - math.pi
-        swept = hull(np.vstack([now[0].vertices, then[0].vertices]))
-        between.append((Region(swept, obstacle.outline.radius + radius * float(turn) ** 2 / 8),))
-    return PredictedObstacle(obstacle, at, tuple(between), states, assumptions)
-
-
-def _recorded_sets(obstacle: Obstacle, dt: float, horizon: int) -> tuple[PredictedObstacle, int]:
-    """Recorded occupancies; beyond their end they spread at the observed speed."""
-    sets = obstacle.occupancies or ()
-    last = len(sets) - 1
-    speed = abs(obstacle.state.speed)
-    at: list[tuple[Region, ...]] = []
-    for k in range(horizon + 1):
-        growth = speed * dt * max(0, k - last)
-        at.append(tuple(Region(r.vertices, r.radius + growth) for r in sets[min(k, last)]))
-    between = tuple(now + then for now, then in pairwise(at))
-    s = obstacle.state
-    states = np.full((horizon + 1, 5), np.nan)
-    for k, regions in enumerate(at):
-        if regions:
-            points = np.vstack([r.vertices for r in regions])
-            x, y = (points.min(axis=0) + points.max(axis=0)) / 2
-            states[k] = x, y, s.heading, s.speed, 0.0
-    return PredictedObstacle(obstacle, tuple(at), between, states, ("recorded occupancies",)), last

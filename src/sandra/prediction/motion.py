@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sandra.prediction.geometry import directions, polygons_from_support
+from sandra.prediction.geometry import directions, polygons_around
 from sandra.scene.types import Region, State
 
 Array = NDArray[np.float64]
@@ -81,7 +81,7 @@ def bodies(outline: Region, heading: float, turned: Array) -> Array:
         turned: (K,) [rad].
 
     Returns:
-        A batch (K, V, 2) around the origin; the radius of the outline included.
+        A batch (K, 8, 2) around the origin; the radius of the outline included.
     """
     corner = outline.vertices
     reach = np.hypot(corner[:, 0], corner[:, 1])
@@ -91,7 +91,7 @@ def bodies(outline: Region, heading: float, turned: Array) -> Array:
     world = directions(BODY_DIRECTIONS, heading)
     apart = np.maximum(away[None] - turned[:, None, None], 0.0)
     support = (reach * np.cos(apart)).max(axis=2)
-    return polygons_from_support(world, support + outline.radius + MARGIN)
+    return polygons_around(world, support + outline.radius + MARGIN)
 
 
 def circumscribed(outline: Region) -> float:

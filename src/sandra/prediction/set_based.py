@@ -20,11 +20,18 @@ concern the ego's *current* lane only: in a neighbouring lane, nothing is left o
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
+from sandra.prediction.bodies import with_bodies
 from sandra.prediction.geometry import directions
-from sandra.prediction.lanes import LaneMap, build_map
+from sandra.prediction.lane_cutting import build_map
+from sandra.prediction.lane_table import LaneTable
+from sandra.prediction.lanes import LaneMap
+from sandra.prediction.most_likely import Likely
 from sandra.prediction.motion import (
     POSITION_DIRECTIONS,
     bodies,
@@ -32,8 +39,21 @@ from sandra.prediction.motion import (
     position_offsets,
     travelled,
 )
-from sandra.prediction.observed import NOTHING, check_assumptions, is_fixed, observe, towards_ego
-from sandra.prediction.occupancy import Follower, Regions, free_occupancies
+from sandra.prediction.observed import (
+    NOTHING,
+    check_assumptions,
+    is_fixed,
+    observe,
+    towards_ego,
+)
+from sandra.prediction.occupancy import (
+    Occupancy,
+    Regions,
+    Scope,
+    free_occupancies,
+    lane_occupancies,
+)
+from sandra.prediction.touched import Vehicle
 from sandra.prediction.types import PredictedObstacle
 from sandra.scene.types import Obstacle, Scene, State
 from sandra.settings import Settings
@@ -42,15 +62,16 @@ Array = NDArray[np.float64]
 
 
 def predict_sets(
-    scene: Scene, likely: tuple[PredictedObstacle, ...], horizon: int, settings: Settings
+    scene: Scene, likely: tuple[Likely, ...], horizon: int, settings: Settings, instants: bool
 ) -> tuple[tuple[PredictedObstacle, ...], tuple[str, ...]]:
     """The set-based prediction of all others.
 
     Args:
         scene: the scene.
-        likely: the most likely prediction of the same obstacles; gives `states`.
+        likely: the most likely trajectories of the same obstacles; gives `states`.
         horizon: number of steps h.
         settings: for the assumptions, and R_G1's safe distance in `legal_cut_in`.
+        instants: whether tight regions at each t_k are wanted; else those of the step before.
 
     Returns:
         The predictions, and notes in words.
@@ -60,19 +81,24 @@ def predict_sets(
         ScenarioError: if a lanelet's border is not finite.
     """
     check_assumptions(settings.assumptions)
-    a = settings.assumptions
-    speeds = [
-        abs(_first_seen(o)[1].speed) if o.speed_is_known else a.max_speed for o in scene.obstacles
-    ]
-    start = max(speeds, default=0.0)
-    fastest = max(start, a.max_speed)
-    time = np.array(horizon * scene.dt)
-    reach = float(travelled(np.array(start), a.max_acceleration, fastest, time))
-    lane_map = build_map(scene.lanelets, reach + 1.0)
-    found = []
+    lane_map = build_map(scene.lanelets, _reach(scene, horizon, settings) + 1.0)
+    plans = [_plan(scene, each, lane_map, horizon, settings) for each in likely]
+    lane = next((lane for lane in scene.lanes if lane.relation == "current"), None)
+    scope = Scope(
+        scene.dt,
+        frozenset(lane.lanelets) if lane is not None else frozenset(),
+        settings.assumptions.max_overhang,
+        instants,
+    )
+    occupancies = _occupancies([plan.vehicle for plan in plans if plan], lane_map, scope)
+    found: list[PredictedObstacle] = []
     relied_on: dict[str, list[int]] = {"no_rear_end": [], "legal_cut_in": []}
-    for each in likely:
-        prediction = _predict_one(scene, each, lane_map, horizon, settings)
+    for each, plan in zip(likely, plans, strict=True):
+        if plan is None:
+            found += with_bodies([each], scene.dt)
+            continue
+        occupancy = next(occupancies)
+        prediction = _prediction(each, plan, occupancy, horizon, instants)
         found.append(prediction)
         for name, ids in relied_on.items():
             if name in prediction.assumptions:
@@ -87,50 +113,83 @@ def predict_sets(
     return tuple(found), tuple(notes)
 
 
-def _predict_one(
-    scene: Scene, likely: PredictedObstacle, lane_map: LaneMap, horizon: int, settings: Settings
-) -> PredictedObstacle:
+def _reach(scene: Scene, horizon: int, settings: Settings) -> float:
+    """The farthest that any vehicle may come [m]."""
+    a = settings.assumptions
+    speeds = [
+        abs(_first_seen(o)[1].speed) if o.speed_is_known else a.max_speed for o in scene.obstacles
+    ]
+    start = max(speeds, default=0.0)
+    time = np.array(horizon * scene.dt)
+    return float(travelled(np.array(start), a.max_acceleration, max(start, a.max_speed), time))
+
+
+def _occupancies(vehicles: list[Vehicle], lane_map: LaneMap, scope: Scope) -> Iterator[Occupancy]:
+    """The occupancy of each, in order."""
+    on_lanes = [x for x in vehicles if x.seen.places]
+    bound: Iterator[Occupancy] = iter(())
+    if on_lanes:
+        bound = iter(lane_occupancies(LaneTable.of(lane_map), on_lanes, scope))
+    free = iter(free_occupancies([x for x in vehicles if not x.seen.places]))
+    for x in vehicles:
+        yield next(bound) if x.seen.places else next(free)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Plan:
+    """One participant that moves; it is first seen at step `first` (beyond the horizon: never)."""
+
+    first: int
+    vehicle: Vehicle
+
+
+def _plan(
+    scene: Scene, likely: Likely, lane_map: LaneMap, horizon: int, settings: Settings
+) -> _Plan | None:
+    """None for what does not move."""
     obstacle = likely.obstacle
     if is_fixed(obstacle):
-        return likely
+        return None
     first, state = _first_seen(obstacle)
+    now = obstacle.outline.placed(state.x, state.y, state.heading)
+    seen = observe(obstacle, state, lane_map, settings.assumptions)
+    law = towards_ego(scene, obstacle, state, seen, settings) if first == 0 else NOTHING
+    normals = directions(POSITION_DIRECTIONS, state.heading)
+    times: Array = scene.dt * np.arange(horizon + 1, dtype=np.float64)
+    offsets = position_offsets(state, seen.bounds, times, normals)
+    # For each direction the support is convex in time: an interval's is that of an end.
+    during = np.maximum(offsets[:-1], offsets[1:])
+    steps = max(horizon - first, 0)
+    offsets[steps + 1 :], during[steps:] = -np.inf, -np.inf
+    rows = np.concatenate([offsets, during])
+    body = bodies(obstacle.outline, state.heading, heading_change(seen.bounds, times))
+    return _Plan(first, Vehicle(seen, law, obstacle.outline, now, normals, rows, body))
+
+
+def _prediction(
+    likely: Likely, plan: _Plan, occupancy: Occupancy, horizon: int, instants: bool
+) -> PredictedObstacle:
+    """Put a prediction together."""
+    obstacle, first, vehicle = likely.obstacle, plan.first, plan.vehicle
     if first > horizon:
         return PredictedObstacle(
             obstacle, ((),) * (horizon + 1), ((),) * horizon, likely.states, (), ()
         )
     steps = horizon - first
-    seen = observe(obstacle, state, lane_map, settings.assumptions)
-    law = towards_ego(scene, obstacle, state, seen, settings) if first == 0 else NOTHING
-    now = (obstacle.outline.placed(state.x, state.y, state.heading),)
-    at: Regions = (now,)
-    between: Regions = ()
-    relied_on: tuple[str, ...] = ()
-    if steps:
-        normals = directions(POSITION_DIRECTIONS, state.heading)
-        times: Array = scene.dt * np.arange(steps + 1, dtype=np.float64)
-        offsets = position_offsets(state, seen.bounds, times, normals)
-        # For each direction the support is convex in time: an interval's is that of an end.
-        during = np.maximum(offsets[:-1], offsets[1:])
-        body = bodies(obstacle.outline, state.heading, heading_change(seen.bounds, times))
-        if seen.places:
-            overhang = settings.assumptions.max_overhang
-            follower = Follower(obstacle, state, seen, law, lane_map, overhang, scene)
-            at_sets, between = follower.occupancies(normals, offsets, during, body)
-            at = (now, *at_sets[1:])
-            relied_on = tuple(name for name in law.holds if name in follower.relied_on)
-        else:
-            at = (now, *free_occupancies(normals, offsets[1:], body[1:]))
-            between = free_occupancies(normals, during, body[1:])
+    between = occupancy.rows[horizon + 1 : horizon + 1 + steps]
+    later = occupancy.rows[1 : steps + 1] if instants else between
+    now: Regions = ((vehicle.start_body,),)
     absent: Regions = ((),) * first
     # In the step before it is first seen it must come from somewhere: it is there already.
-    arrival: Regions = (now,) if first else ()
+    arrival: Regions = now if first else ()
+    relied_on = tuple(name for name in vehicle.law.holds if name in occupancy.relied_on)
     return PredictedObstacle(
         obstacle,
-        absent + at,
+        absent + now + later,
         absent[: max(first - 1, 0)] + arrival + between,
         likely.states,
-        seen.assumptions + relied_on,
-        seen.dropped + law.dropped,
+        vehicle.seen.assumptions + relied_on,
+        vehicle.seen.dropped + vehicle.law.dropped,
     )
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -30,6 +32,28 @@ def _chain(points: list[tuple[float, ...]]) -> list[tuple[float, ...]]:
             chain.pop()
         chain.append(p)
     return chain[:-1]
+
+
+def hulls(clouds: Sequence[Array]) -> list[Array]:
+    """The same for many sets of points (n_i, 2), two at least in each."""
+    import shapely
+
+    if not clouds:
+        return []
+    owner = np.repeat(np.arange(len(clouds)), [len(x) for x in clouds])
+    shapes = shapely.convex_hull(shapely.linestrings(np.concatenate(clouds), indices=owner))
+    corners, owner = shapely.get_coordinates(shapes, return_index=True)
+    # A ring's last corner is its first.
+    rings = shapely.get_type_id(shapes) == shapely.GeometryType.POLYGON
+    kept = ~(rings[owner] & (np.diff(owner, append=-1) != 0))
+    corners, owner = corners[kept], owner[kept]
+    x, y = (corners - corners[np.searchsorted(owner, owner)]).T
+    following = np.where(np.diff(owner, append=-1) == 0, np.arange(len(owner)) + 1, 0)
+    area = np.bincount(owner, x * y[following] - y * x[following])
+    parts = np.split(corners, np.searchsorted(owner, np.arange(1, len(clouds))))
+    return [
+        part[::-1] if turn < 0.0 else part for part, turn in zip(parts, area.tolist(), strict=True)
+    ]
 
 
 def distance(points: Array, polygons: Array) -> Array:
