@@ -175,7 +175,7 @@ def test_area_on_the_case_study_only_shrinks(shared: Path) -> None:
         assert mean >= 0.9 * most, f"step {k}: {mean:.1f} m^2, lower the bound"
 
 
-AREAS = {1: 9.7, 5: 36.2, 10: 100.6, 25: 564.0}
+AREAS = {1: 9.7, 5: 36.2, 10: 102.4, 25: 564.0}
 
 
 def spread(regions: tuple[Region, ...]) -> tuple[float, float, float, float]:
@@ -200,6 +200,17 @@ def test_tight_in_a_straight_lane() -> None:
         assert y1 <= 10.85
     assert spread(each.at[0]) == pytest.approx((-102.25, -97.75, 4.35, 6.15))
     assert spread(each.at[1])[2:] == pytest.approx((4.35, 6.15), abs=0.5)
+
+
+def test_a_lane_change_goes_on_in_the_step_in_which_it_crosses_the_border() -> None:
+    """At the bound on the speed across, from 0.6 m before the border, in steps of 0.8 m."""
+    small = Obstacle(1, "motorcycle", Region.rectangle(0.2, 0.2), State(-100, 2.9, 0.0, 20.0))
+    settings = Settings(assumptions=replace(OPEN, max_acceleration=100.0))
+    each = predict(scene(ROAD, (small,), dt=0.2), "set-based", 3, settings).obstacles[0]
+    for k in (1, 2, 3):
+        top = 2.9 + 4.0 * 0.2 * k
+        assert top + 0.1 <= spread(each.at[k])[3] <= top + 0.1 + 0.3
+        assert spread(each.between[k - 1])[3] >= top + 0.1
 
 
 def test_sets_grow_and_intervals_hold_their_ends() -> None:
@@ -327,6 +338,18 @@ def test_legal_cut_in() -> None:
     off = Settings(assumptions=Assumptions(legal_cut_in=False))
     for each in predict(now, "set-based", 20, off).obstacles:
         assert in_ego_lane(each)[-1]
+
+
+def test_what_is_left_out_of_the_egos_lane_names_both_assumptions() -> None:
+    """Who is beside the ego may come in behind it: that it then does not drive into it is the other
+    assumption, so it is named, and without it nothing is left out."""
+    now = with_ego(car(1, 2, 8.75, speed=15.0))
+    each = predict(now, "set-based", 20).obstacles[0]
+    assert {"legal_cut_in", "no_rear_end"} <= set(each.assumptions)
+    off = Settings(assumptions=Assumptions(no_rear_end=False))
+    each = predict(now, "set-based", 20, off).obstacles[0]
+    assert not {"legal_cut_in", "no_rear_end"} & set(each.assumptions)
+    assert in_ego_lane(each)[-1]
 
 
 def test_who_is_already_cutting_in_is_not_assumed_away() -> None:
