@@ -2,8 +2,9 @@
 
     python scripts/differential.py --scenes 500 --seed 1 --workers 1
 
-Prints the tables, and writes them to docs/differential.md with the command beside them. Exit status
-1 if an UNSAFE verdict is refuted.
+Prints the tables, and writes them to docs/differential.md with the command beside them; after an
+interrupt (Ctrl-C), those of the scenes that were done. Exit status 1 if an UNSAFE verdict is
+refuted.
 """
 
 from __future__ import annotations
@@ -76,19 +77,22 @@ def main() -> int:
     first = arguments.seed * SEEDS_APART
     seeds = range(first, first + arguments.scenes)
     outcomes: list[Outcome] = []
-    cpu = 0.0
-    for done, (answer, seconds) in enumerate(_compared(seeds, arguments.workers), start=1):
-        outcomes += answer
-        cpu += seconds
-        for outcome in _refuted(answer):
-            print(f"\nREFUTED: {outcome}", file=sys.stderr)
-        print(f"\r{done} of {len(seeds)} scenes", end="", file=sys.stderr, flush=True)
+    cpu, done = 0.0, 0
+    try:
+        for answer, seconds in _compared(seeds, arguments.workers):
+            outcomes += answer
+            cpu, done = cpu + seconds, done + 1
+            for outcome in _refuted(answer):
+                print(f"\nREFUTED: {outcome}", file=sys.stderr)
+            print(f"\r{done} of {len(seeds)} scenes", end="", file=sys.stderr, flush=True)
+    except KeyboardInterrupt:
+        print(f"\ninterrupted: the tables are those of {done} scenes", end="", file=sys.stderr)
     print(file=sys.stderr)
     command = (
-        f"python scripts/differential.py --scenes {arguments.scenes} --seed {arguments.seed} "
+        f"python scripts/differential.py --scenes {done} --seed {arguments.seed} "
         f"--workers {arguments.workers}"
     )
-    page = _page(outcomes, command, arguments.scenes, cpu)
+    page = _page(outcomes, command, done, cpu)
     print(page)
     if arguments.out:
         Path(arguments.out).write_text(page, encoding="utf-8")

@@ -19,7 +19,7 @@ from math import ceil, floor
 import numpy as np
 
 from grid_world import Cells, World, holds
-from sandra.logic import Atom, Comparison, Formula, Specification
+from sandra.logic import Atom, Comparison, Formula, Predicate, Specification
 from sandra.logic.evaluate import evaluate
 from sandra.logic.formula import (
     And,
@@ -36,6 +36,8 @@ from sandra.logic.formula import (
     WeakNext,
     WeakUntil,
     atoms_of,
+    simplify,
+    substitute,
 )
 
 Array = np.ndarray
@@ -274,8 +276,10 @@ class Search:
     # -------------------------------------------------------------- forward
 
     def _run(self) -> list[dict[tuple[Formula, int], Array]]:
-        start = np.ones((1, 1), dtype=bool)
-        layers = [self._living(0, {(self.spec.formula, -1): start})]
+        asked = self._without_missing_lanes()
+        if asked == FALSE:
+            return [{}]
+        layers = [self._living(0, {(asked, -1): np.ones((1, 1), dtype=bool)})]
         for k in range(self.h):
             if not layers[-1]:
                 return layers
@@ -288,6 +292,17 @@ class Search:
                     into |= self._moved(k, c, part)
             layers.append(self._living(k + 1, moved))
         return [*layers[:-1], self._accepted(layers[-1])]
+
+    def _without_missing_lanes(self) -> Formula:
+        """The formula, in which nobody ever is in a lane that the road does not have."""
+        there = {relation for relation, _, _ in self.world.strips}
+        never = {
+            atom: FALSE
+            for atom in self.of_state
+            if isinstance(atom, Predicate)
+            if atom.name == "in_lane" and atom.argument not in there
+        }
+        return simplify(substitute(self.spec.formula, never))
 
     def _living(
         self, k: int, moved: dict[tuple[Formula, int], Array]

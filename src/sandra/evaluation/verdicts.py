@@ -99,7 +99,7 @@ class Table:
     def kinds(self) -> list[tuple[str, int, str]]:
         """(kind of reason, number of pairs, an example) of all without certificate, most first."""
         reasons = [
-            (kind_of(reason), f"{row.scenario}, {pair}: {reason}")
+            (kind_of(reason), f"{row.scenario}, {pair}: {reason.removeprefix(PREFIX)}")
             for row in self.rows
             for pair, reason in row.without
         ]
@@ -215,6 +215,9 @@ def _row(name: str, prediction: str, basis: Basis, rules: Rules) -> Row:
     )
 
 
+PREFIX = "no certificate: "
+"""With what `certify` begins its reasons."""
+
 STAGES = (
     ("need too much lateral acceleration", "every candidate needs too much lateral acceleration"),
     ("leave the corridor", "no candidate stays in the corridor"),
@@ -235,7 +238,7 @@ def kind_of(reason: str) -> str:
     reached = [kind for words, kind in STAGES if words in reason]
     if reached:
         return reached[-1]
-    sentence = re.split(r"[:;(]", reason.removeprefix("no certificate: "))[0].strip()
+    sentence = re.split(r"[:;(]", reason.removeprefix(PREFIX))[0].strip()
     return re.sub(r"-?\d+(\.\d+)?", "N", sentence)
 
 
