@@ -18,7 +18,8 @@ from hypothesis import strategies as st
 
 from grid_check import fault
 from grid_compare import Outcome, Reached, compare, scene_of, search
-from grid_search import Found, Progression, Search, grids, progressed
+from grid_formula import progressed
+from grid_search import Found, Progression, Search, grids
 from grid_world import Body, Cells, World, distance, holds, touches
 from random_scenes import draw
 from sandra.actions import ActionPair
