@@ -67,10 +67,16 @@ def scene_of(seed: int) -> tuple[str, tuple[str, ...], int]:
     return ("most-likely", "set-based")[seed % 2], ((), RULES)[seed // 2 % 2], horizon
 
 
-def compare(seed: int, certificates: bool = True) -> list[Outcome]:
-    """All twelve pairs of the scene of a seed; without `certificates` only UNSAFE ones."""
+def compare(
+    seed: int, certificates: bool = True, asked: tuple[str, ...] | None = None
+) -> list[Outcome]:
+    """All twelve pairs of the scene of a seed; without `certificates` only UNSAFE ones.
+
+    `asked` are other rules than those of the seed.
+    """
     drawn = draw(seed)
     prediction, rules, horizon = scene_of(seed)
+    rules = rules if asked is None else asked
     settings = Settings(horizon=horizon)
     predicted = predict(drawn.scene, prediction, horizon, settings)
     base = ground(drawn.scene, predicted, settings)

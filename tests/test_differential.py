@@ -48,6 +48,23 @@ def test_every_unsafe_verdict_is_confirmed(first: int) -> None:
     assert sum(not x.trivial for x in outcomes) >= 5
 
 
+@pytest.mark.parametrize(
+    "rule",
+    [
+        "F(v >= 8 & X(v < 8))",
+        "in_lane(current) U in_lane(left)",
+        "G(!in_lane(right)) & F[1,3](a > 1)",
+        "F(!in_lane(current)) | G(d <= 0.2)",
+        "G(a > 0.5 -> N(a <= 0.5))",
+    ],
+)
+def test_unsafe_verdicts_under_other_formulas_are_confirmed(rule: str) -> None:
+    """Until, next and bounded operators, negated lanes: all of the product with the automaton."""
+    outcomes = [x for seed in (4, 8, 9) for x in compare(seed, False, (rule,))]
+    assert not refuted(outcomes), refuted(outcomes)
+    assert outcomes
+
+
 def test_scenes_are_of_every_kind() -> None:
     kinds = Counter(scene_of(seed)[:2] for seed in QUICK)
     assert len(kinds) == 4
