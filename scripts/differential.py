@@ -49,8 +49,8 @@ all it sweeps in the plane, and the formula by direct evaluation.
 For an UNSAFE pair the search gives itself more freedom than any car has: the body is only the disc
 that is inscribed in it, it is asked to be free of collisions at the steps only, and the rectangle
 slips as far as it may where that helps to touch a lane. It found {refuted_words}.
-Of these pairs {trivial} are UNSAFE at step 0 already (no such lane, or an action that the state or
-the rules rule out at once); the other {hard} are what the search is for.
+Of these pairs {trivial} ask for a lane that the road does not have, or are UNSAFE at step 0 already
+(the state or a rule excludes the action at once); the other {hard} are what the search is for.
 
 {verdicts}
 

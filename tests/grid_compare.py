@@ -16,7 +16,7 @@ import numpy as np
 from grid_check import fault
 from grid_search import Found, Search, grids
 from grid_world import Body, World
-from random_scenes import draw
+from random_scenes import Drawn, draw
 from sandra.actions import ALL_PAIRS
 from sandra.certify import Basis, certify
 from sandra.logic import Specification
@@ -57,7 +57,7 @@ class Outcome:
     reached: Reached | None = None
     """None for UNSAFE pairs."""
     trivial: bool = False
-    """UNSAFE at step 0 already, mostly because there is no such lane."""
+    """UNSAFE at step 0 already, or because the road has no such lane."""
     detail: str = ""
 
 
@@ -88,12 +88,19 @@ def compare(
         if verdict.status is Status.UNSAFE:
             found = search(worlds[Body.DISC], verdict.specification, seed)
             grid = None if found is None else Body.DISC
-            first = verdict.first_empty_step == 0
+            trivial = is_trivial(verdict, drawn)
             detail = "" if found is None else repr(found)
-            outcomes.append(Outcome(*head, Status.UNSAFE, grid, None, first, detail))
+            outcomes.append(Outcome(*head, Status.UNSAFE, grid, None, trivial, detail))
         elif basis is not None:
             outcomes.append(_not_unsafe(head, verdict, basis, worlds))
     return outcomes
+
+
+def is_trivial(verdict: Verdict, drawn: Drawn) -> bool:
+    """Whether an UNSAFE verdict needs no reachable set."""
+    lane = verdict.pair.lateral.value.removesuffix("-lane")
+    missing = lane in ("left", "right") and lane not in {x.relation for x in drawn.scene.lanes}
+    return missing or verdict.first_empty_step == 0
 
 
 def _not_unsafe(
