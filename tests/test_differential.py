@@ -45,7 +45,7 @@ def test_every_unsafe_verdict_is_confirmed(first: int) -> None:
     outcomes = [x for seed in QUICK[first : first + 10] for x in compare(seed, certificates=False)]
     assert not refuted(outcomes), refuted(outcomes)
     # There was something to confirm: pairs that are UNSAFE, and not for want of a lane.
-    assert sum(not x.trivial for x in outcomes) >= 5
+    assert sum(not x.trivial for x in outcomes) >= 3
 
 
 @pytest.mark.parametrize(
