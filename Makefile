@@ -6,7 +6,7 @@ BIN := .venv/bin
 export OMP_NUM_THREADS := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test coverage check soundness mutation bench scenarios example-planner lock clean
+.PHONY: help demo test coverage check soundness differential mutation bench scenarios example-planner lock clean
 
 help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z.-]+:.*## /{printf "  make %-15s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -42,6 +42,9 @@ check: .venv/.installed  ## format, lint, types, import contract, links of the d
 
 soundness: .venv/.installed  ## many random trajectories against the reachable sets (minutes)
 	$(BIN)/python -m pytest tests/reach -m soundness
+
+differential: .venv/.installed  ## verdicts against an exhaustive grid search, into docs/differential.md (minutes)
+	$(BIN)/python scripts/differential.py --scenes 500 --seed 1 --workers 1
 
 bench: .venv/.installed  ## what a decision costs, stage by stage
 	$(BIN)/sandra bench decide

@@ -42,7 +42,7 @@ def draw(seed: int, most: int = 3, dt: float | None = None) -> Drawn:
     speed = float(
         rng.choice([0.0, rng.uniform(0.5, 6.0), rng.uniform(5.0, 20.0)], p=[0.1, 0.4, 0.5])
     )
-    d, heading = rng.uniform(-0.6, 0.6), rng.uniform(-0.08, 0.08)
+    d, heading = rng.uniform(-0.6, 0.6), rng.uniform(-0.08, 0.08) / max(1.0, speed / 6.0)
     scene = road.scene(
         speed=speed,
         lanes=lanes,

@@ -9,7 +9,8 @@ import sandra
 from sandra.actions import ALL_PAIRS
 from sandra.certify import Basis, certify
 from sandra.cli import main
-from sandra.evaluation.verdicts import Row, Table, kind_of, rows_of, tabulate
+from sandra.evaluation.reasons import STAGES, kind_of
+from sandra.evaluation.verdicts import Row, Table, rows_of, tabulate
 from sandra.reach import Status, ground, verify_on
 from sandra.settings import Settings
 
@@ -117,7 +118,6 @@ def test_other_reasons_are_their_own_kind(reason: str, kind: str | None) -> None
 
 def test_kinds_know_the_words_of_the_planner() -> None:
     """A wording that has changed would fall through to the sentence itself."""
-    from sandra.evaluation.verdicts import STAGES
     from sandra.planning.witness import _WORDS
 
     for words, _ in STAGES[:-1]:

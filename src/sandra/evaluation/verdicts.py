@@ -6,7 +6,6 @@ rule does not apply, is a row with its error: nothing is dropped.
 
 from __future__ import annotations
 
-import re
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
@@ -19,6 +18,7 @@ from typing import Any
 from sandra.actions import ALL_PAIRS
 from sandra.certify import Basis, certify
 from sandra.errors import SandraError
+from sandra.evaluation.reasons import PREFIX, kind_of
 from sandra.prediction import predict
 from sandra.reach import Status, ground, verify_on
 from sandra.scene import load
@@ -99,7 +99,7 @@ class Table:
     def kinds(self) -> list[tuple[str, int, str]]:
         """(kind of reason, number of pairs, an example) of all without certificate, most first."""
         reasons = [
-            (kind_of(reason), f"{row.scenario}, {pair}: {reason}")
+            (kind_of(reason), f"{row.scenario}, {pair}: {reason.removeprefix(PREFIX)}")
             for row in self.rows
             for pair, reason in row.without
         ]
@@ -213,30 +213,6 @@ def _row(name: str, prediction: str, basis: Basis, rules: Rules) -> Row:
         tuple(without),
         cpu_s=time.process_time() - begin,
     )
-
-
-STAGES = (
-    ("need too much lateral acceleration", "every candidate needs too much lateral acceleration"),
-    ("leave the corridor", "no candidate stays in the corridor"),
-    ("leave the road with a part", "the full body leaves the road"),
-    ("collide with their full body", "the full body collides"),
-    ("break a limit when driven", "driven with the single-track model, a limit is broken"),
-    ("leave the corridor when driven", "driven with the single-track model, the corridor is left"),
-    ("collide when driven", "driven with the single-track model, it collides"),
-    ("leave the road when driven", "driven with the single-track model, the road is left"),
-    ("do not satisfy the formula", "driven with the single-track model, the formula fails"),
-    ("no fail-safe continuation", "witnesses exist, none has a fail-safe continuation"),
-)
-"""Words in a reason and what kind it then is, in the order in which candidates are checked."""
-
-
-def kind_of(reason: str) -> str:
-    """The kind of a reason: how far the best of the candidates came, or the sentence itself."""
-    reached = [kind for words, kind in STAGES if words in reason]
-    if reached:
-        return reached[-1]
-    sentence = re.split(r"[:;(]", reason.removeprefix("no certificate: "))[0].strip()
-    return re.sub(r"-?\d+(\.\d+)?", "N", sentence)
 
 
 def _named(rules: Rules) -> str:
