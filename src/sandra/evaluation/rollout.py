@@ -1,0 +1,360 @@
+"""Rollouts of one certificate: all others act at once, each as the adversary that it is told to be.
+
+The others do not see one another, so each is judged on its own: a rollout is as many pairs of ego
+and other as there are others, played at the same time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from sandra.certificate import Certificate
+from sandra.evaluation import rules
+from sandra.evaluation.actors import FIXED, FREE, LANES, Actor, actors_of
+from sandra.evaluation.adversary import KINDS, SEARCH, Plans, improved, plans
+from sandra.evaluation.contact import nearest
+from sandra.evaluation.ego import Drive, execute, rectangle
+from sandra.evaluation.referee import Breaches, judge, lane_state
+from sandra.evaluation.road import Road
+from sandra.evaluation.routes import Routes, routes_of
+from sandra.evaluation.traffic import Ego, Motion, simulate
+from sandra.evaluation.walkers import wander
+from sandra.scene.types import Scene
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+GENERATIONS = 3
+"""Batches of the search, each improving on the one before."""
+LOOK = 0.1
+"""The referee looks at places on the road this often, and everywhere before a contact [s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Something that should not be: enough to play it again.
+
+    `what`: "collision", or "after a cut-in" where the other had entered the ego's lane legally
+    after the decision. `avoided`: for the latter, whether braking with `a_min` after `t_d` avoids
+    it. `time` [s].
+    """
+
+    what: str
+    rollout: int
+    kind: str
+    obstacle: int
+    obstacle_kind: str
+    time: float
+    speed: float
+    avoided: bool = False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Played:
+    """All rollouts of one certificate.
+
+    `kind` (B,) index into `KINDS`; `distance` (B,) smallest to any admissible other [m];
+    `admissible` (B,) whether every other kept what is assumed of it; `events`; `breaches` how often
+    which assumption was broken by how many vehicles; `rules` the rules that the ego broke;
+    `shortfalls` rollouts in which R_G1 fell short because of what another did; `others` how many
+    vehicles were played; `duration` [s]; `deviation` of the executed from the claimed motion [m].
+    """
+
+    kind: Ints
+    distance: Array
+    admissible: Bools
+    events: tuple[Event, ...]
+    breaches: dict[str, int]
+    rules: tuple[str, ...]
+    shortfalls: int
+    others: int
+    duration: float
+    deviation: float
+
+
+def play(
+    c: Certificate, scene: Scene, count: int, seed: int | list[int], road: Road | None = None
+) -> Played:
+    """Play `count` rollouts of a certificate.
+
+    Args:
+        scene: the one that the certificate was made in; gives the links between lanelets.
+        seed: of all that is random.
+        road: `Road(scene)`, where it is there already.
+    """
+    rng = np.random.default_rng(seed)
+    road = road or Road(scene)
+    drive = execute(c)
+    actors = actors_of(c, scene, drive, road)
+    stage = _Stage(c, road, drive, actors, routes_of(actors, road, drive, rng))
+    batches = _shares(count)
+    kinds = np.concatenate([np.full(n, kind) for kind, n in enumerate(batches[0])])
+    results = [stage.batch(kinds, stage.drawn(kinds, rng), rng)]
+    for n in batches[1:]:
+        more = np.full(n[SEARCH], SEARCH)
+        if len(more):
+            results.append(stage.batch(more, stage.improved(results, len(more), rng), rng))
+    return stage.summary(results)
+
+
+def _shares(count: int) -> list[list[int]]:
+    """How many rollouts of each kind in each batch: a third is search, the rest in equal parts."""
+    search = count // 3
+    each = [search // GENERATIONS + (i < search % GENERATIONS) for i in range(GENERATIONS)]
+    rest = count - search
+    plain = len(KINDS) - 1
+    first = [rest // plain + (i < rest % plain) for i in range(plain)]
+    return [[*first, each[0]], *([0] * plain + [n] for n in each[1:])]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Batch:
+    """(A, B) results for A moving actors and B rollouts."""
+
+    kinds: Ints
+    plans: dict[int, Plans]
+    distance: Array
+    breach: NDArray[np.object_]
+    events: tuple[Event, ...]
+    short: Bools
+
+
+class _Stage:
+    """What the rollouts of one certificate share."""
+
+    def __init__(
+        self, c: Certificate, road: Road, drive: Drive, actors: tuple[Actor, ...], routes: Routes
+    ) -> None:
+        self.c, self.road, self.drive, self.actors, self.routes = c, road, drive, actors, routes
+        length = c.ego.length
+        self.ego = Ego.of(drive, road, length)
+        # A vehicle whose every route is unknown stays on no lane: it cannot be steered.
+        self.moving = [i for i, x in enumerate(actors) if x.moves != FIXED]
+        self.stride = max(1, round(LOOK / drive.step))
+
+    def drawn(self, kinds: Ints, rng: np.random.Generator) -> dict[int, Plans]:
+        """New plans for every moving actor."""
+        end = float(self.drive.times[-1])
+        return {
+            i: plans(kinds, [self.routes.of(i)] * len(kinds), end, rng) for i in self.moving
+        }
+
+    def improved(
+        self, done: list[_Batch], count: int, rng: np.random.Generator
+    ) -> dict[int, Plans]:
+        """Plans near those that came nearest so far, per actor."""
+        end = float(self.drive.times[-1])
+        best = {}
+        for row, i in enumerate(self.moving):
+            near = np.concatenate([batch.distance[row] for batch in done])
+            tried = _joined([batch.plans[i] for batch in done])
+            best[i] = improved(tried, near, np.zeros(len(near), dtype=int), count, end, rng)
+        return best
+
+    def batch(self, kinds: Ints, wanted: dict[int, Plans], rng: np.random.Generator) -> _Batch:
+        """Play one batch."""
+        count = len(kinds)
+        shape = (len(self.moving), count)
+        distance, breach = np.full(shape, np.inf), np.full(shape, "", dtype=object)
+        events: list[Event] = []
+        motions: dict[int, tuple[Motion, Ints]] = {}
+        for moves in (LANES, FREE):
+            chosen = [i for i in self.moving if self.actors[i].moves == moves]
+            if not chosen:
+                continue
+            rows = _joined([wanted[i] for i in chosen])
+            actors = [self.actors[i] for i in chosen for _ in range(count)]
+            if moves == LANES:
+                motion = simulate(
+                    actors, rows, self.routes, self.drive, self.ego, self.c.settings
+                )
+            else:
+                motion = wander(actors, rows, self.drive)
+            for n, i in enumerate(chosen):
+                motions[i] = motion, np.arange(n * count, (n + 1) * count)
+        for row, i in enumerate(self.moving):
+            motion, mine = motions[i]
+            near = nearest(self.drive, self.actors[i], motion, mine)
+            judged = self._judge(i, motion, mine)
+            hits = np.flatnonzero(near.contact)
+            distance[row] = near.distance
+            if len(hits):
+                again = self._judge(i, motion, mine[hits], stride=1)
+                earlier = again.step < judged.step[hits]
+                judged.step[hits[earlier]] = again.step[earlier]
+                judged.name[hits[earlier]] = again.name[earlier]
+                events += self._contacts(i, motion, mine, hits, near.step, judged, kinds)
+            # What happens after a breach, and what a breach has made possible, does not count.
+            breach[row] = judged.name
+            distance[row, judged.name != ""] = np.inf
+        short = self._shortfalls(motions, count)
+        return _Batch(kinds, wanted, distance, breach, tuple(events), short)
+
+    def _judge(self, i: int, motion: Motion, rows: Ints, stride: int | None = None) -> Breaches:
+        stride = stride or self.stride
+        return judge(
+            self.actors[i], motion, rows, self.drive, self.road, self.c.settings, stride
+        )
+
+    def _contacts(
+        self, i: int, motion: Motion, mine: Ints, hits: Ints, step: Ints, judged: Breaches,
+        kinds: Ints,
+    ) -> list[Event]:  # fmt: skip
+        """Contacts before any breach: whose they are. Enters breaches of `no_rear_end`."""
+        actor, found = self.actors[i], []
+        for b in hits.tolist():
+            k, column = int(step[b]), mine[b]
+            if judged.step[b] <= k:
+                continue
+            # From here on the breach, if any, came later than the contact.
+            judged.name[b], judged.step[b] = "", len(self.drive.states)
+            p, psi, v = (
+                x[:, [column]] for x in (motion.position, motion.heading, motion.velocity)
+            )
+            looked = np.arange(actor.appears, k + 1)
+            inside = np.zeros(len(looked), dtype=bool)
+            if self.road.reference is not None and (actor.yields or actor.keeps_out):
+                state = lane_state(
+                    actor, p, psi, v, looked, self.drive, self.road, self.c.settings
+                )
+                inside = state[0][:, 0]
+                behind = state[1][-1, 0] < state[2][-1, 0]
+                if actor.yields and inside[-1] and behind:
+                    judged.name[b], judged.step[b] = "no_rear_end", k
+                    continue
+            cut_in = actor.keeps_out and bool(inside[-1])
+            avoided = False
+            if cut_in:
+                entered = int(looked[np.flatnonzero(~inside)[-1]]) if not inside.all() else 0
+                avoided = self._avoided(i, motion, int(column), entered)
+            found.append(
+                Event(
+                    "after a cut-in" if cut_in else "collision",
+                    b,
+                    KINDS[kinds[b]],
+                    actor.id,
+                    actor.kind,
+                    round(k * self.drive.step, 4),
+                    round(float(self.drive.states[k, 3]), 3),
+                    avoided,
+                )
+            )
+        return found
+
+    def _avoided(self, i: int, motion: Motion, column: int, entered: int) -> bool:
+        """Whether braking with `a_min` on the same path, `t_d` after the other came in, is enough.
+
+        As who follows with the safe distance does (R_G1).
+        """
+        s, drive = self.c.settings, self.drive
+        begin = entered + int(np.ceil(s.t_d / drive.step))
+        way = np.concatenate(
+            [[0.0], np.cumsum(np.hypot(*np.diff(drive.states[:, :2], axis=0).T))]
+        )
+        late = np.maximum(np.arange(len(way)) - begin, 0) * drive.step
+        at = min(begin, len(way) - 1)
+        v = drive.states[at, 3]
+        late = np.minimum(late, v / abs(s.a_min))
+        braked = np.minimum(way, way[at] + v * late - abs(s.a_min) / 2 * late**2)
+        states = drive.states.copy()
+        for j in (0, 1):
+            states[:, j] = np.interp(braked, way, drive.states[:, j])
+        states[:, 2] = np.interp(braked, way, np.unwrap(drive.states[:, 2]))
+        corners = rectangle(states[:, :2], states[:, 2], self.c.ego.length, self.c.ego.width)
+        other = Drive(
+            drive.step, states, drive.acceleration, corners, drive.decision, drive.per_dt, 0.0
+        )
+        return not bool(nearest(other, self.actors[i], motion, np.array([column])).contact[0])
+
+    def _shortfalls(self, motions: dict[int, tuple[Motion, Ints]], count: int) -> Bools:
+        """(B,) whether R_G1 falls short of what the others really do, up to `t_dec`."""
+        short = np.zeros(count, dtype=bool)
+        if "R_G1" not in self.c.rules:
+            return short
+        for k in rules.letters(self.drive):
+            others = []
+            for i, actor in enumerate(self.actors):
+                if actor.kind in rules.STANDING_THINGS or actor.appears > k:
+                    continue
+                rows = np.tile([actor.start.x, actor.start.y, actor.start.heading, 0.0], (count, 1))
+                there = np.ones(count, dtype=bool)
+                if i in motions:
+                    motion, mine = motions[i]
+                    speed = np.hypot(*motion.velocity[k, mine].T)
+                    rows = np.column_stack(
+                        [motion.position[k, mine], motion.heading[k, mine], speed]
+                    )
+                    there = motion.until[mine] > k
+                others.append(
+                    rules.Others(actor.outline.vertices, actor.outline.radius, rows, there)
+                )
+            short |= rules.safe_distance_left(self.c, self.drive, self.road, k, others) <= 0.0
+        return short
+
+    def summary(self, done: list[_Batch]) -> Played:
+        """One result of all batches."""
+        kinds = np.concatenate([batch.kinds for batch in done])
+        distance = np.concatenate([batch.distance for batch in done], axis=1)
+        breach = np.concatenate([batch.breach for batch in done], axis=1)
+        short = np.concatenate([batch.short for batch in done])
+        events: list[Event] = []
+        offset = 0
+        for batch in done:
+            for event in batch.events:
+                events.append(_moved(event, offset))
+            offset += len(batch.kinds)
+        fixed = [x for x in self.actors if x.moves == FIXED]
+        standing = np.inf
+        for actor in fixed:
+            near = _standing(self.drive, actor)
+            standing = min(standing, near[0])
+            if near[1] >= 0:
+                events += [
+                    Event("collision", b, KINDS[kind], actor.id, actor.kind,
+                          round(near[1] * self.drive.step, 4), 0.0)  # fmt: skip
+                    for b, kind in enumerate(kinds.tolist())
+                ]
+        names, counts = np.unique(breach[breach != ""].astype(str), return_counts=True)
+        hit = {event.rollout for event in events}
+        fine = (breach == "").all(axis=0)
+        fine[sorted(hit)] = True
+        closest = distance.min(axis=0, initial=np.inf)
+        return Played(
+            kinds,
+            np.minimum(closest, standing),
+            fine,
+            tuple(events),
+            dict(zip(names.tolist(), counts.tolist(), strict=True)),
+            tuple(rules.broken(self.c, self.drive, self.road)),
+            int(short.sum()),
+            len(self.moving),
+            float(self.drive.times[-1]),
+            self.drive.deviation,
+        )
+
+
+def _standing(drive: Drive, actor: Actor) -> tuple[float, int]:
+    """(smallest distance, fine step of the first contact or -1) for what stands."""
+    body = actor.outline.placed(actor.start.x, actor.start.y, actor.start.heading)
+    shape = shapely.convex_hull(shapely.multipoints(body.vertices))
+    gaps = shapely.distance(shapely.polygons(drive.corners), shape) - body.radius
+    hit = np.flatnonzero(gaps[actor.appears :] <= 0.0)
+    first = int(hit[0]) + actor.appears if len(hit) else -1
+    return float(gaps[actor.appears :].min()), first
+
+
+def _joined(parts: list[Plans]) -> Plans:
+    from sandra.evaluation.adversary import joined
+
+    return joined(parts)
+
+
+def _moved(event: Event, offset: int) -> Event:
+    from dataclasses import replace
+
+    return replace(event, rollout=event.rollout + offset)
