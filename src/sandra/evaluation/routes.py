@@ -35,7 +35,8 @@ class Routes:
     """R routes of M samples; `owner` (R,) is the index of the actor.
 
     `point` (R, M, 2), `course` (R, M) [rad], `low`, `high` (R, M): room for the body to the right
-    and left [m]; `cap` (R, M): speed with which the bends ahead can be taken; `closed_low`,
+    and left [m]; `cap` (R, M): speed with which the bends ahead can be taken; `bend` (R, M) curvature
+    [1/m], and `kink` (R, M) angle to the map's centre line [rad], >= 0; `closed_low`,
     `closed_high` (R, M): the ego's lane, from its right to its left border, if it may be entered
     only by law, else inf; `along` (R, M): s along the ego's lane; `length` (R,): of the way on the
     map [m]; `ego_s`, `ego_d` (R, T): the ego in the route's coordinates at fine steps.
@@ -47,6 +48,8 @@ class Routes:
     low: Array
     high: Array
     cap: Array
+    bend: Array
+    kink: Array
     closed_low: Array
     closed_high: Array
     along: Array
@@ -99,6 +102,8 @@ def routes_of(
         stacked("low"),
         stacked("high"),
         stacked("cap"),
+        stacked("bend"),
+        stacked("kink"),
         stacked("closed_low"),
         stacked("closed_high"),
         stacked("along"),
@@ -167,7 +172,12 @@ def _route(
     tangent = np.gradient(point, axis=0)
     course = np.unwrap(np.arctan2(tangent[:, 1], tangent[:, 0]))
     bend = np.abs(np.gradient(course)) / SPACING
+    kink = np.abs(np.arctan2(*np.diff(raw, axis=0)[:, ::-1].T) - course[:-1])
+    kink = np.minimum(np.append(kink, 0.0), 2 * np.pi - np.append(kink, 0.0))
+    kink = np.maximum(kink, np.maximum(np.roll(kink, 1), np.roll(kink, -1)))
     cap = np.minimum(np.sqrt(EASY * actor.a_max / np.maximum(bend, 1e-6)), actor.v_max)
+    if np.isfinite(actor.lateral):
+        cap = np.minimum(cap, 0.7 * actor.lateral / np.maximum(np.sin(kink), 1e-3))
     for i in range(len(cap) - 2, -1, -1):
         cap[i] = min(cap[i], np.sqrt(cap[i + 1] ** 2 + 2 * EASY * actor.a_max * SPACING))
     low, high, closed_low, closed_high = (np.empty(len(stations)) for _ in range(4))
@@ -202,6 +212,8 @@ def _route(
         "low": low,
         "high": high,
         "cap": cap,
+        "bend": bend,
+        "kink": kink,
         "closed_low": closed_low,
         "closed_high": closed_high,
         "along": np.asarray(along),

@@ -30,6 +30,8 @@ EDGE = 0.03
 """Distance kept from every border [m]."""
 BORDER = 0.08
 """Distance kept from the ego's lane while it must not be entered [m]."""
+SETTLING = 0.2
+"""Time in which the last of an offset is steered out [s]."""
 FOLLOWING = 0.3
 """Who follows the ego stays this far behind it [m]."""
 
@@ -123,10 +125,12 @@ def simulate(
         speed = np.hypot(v[:, 0], v[:, 1])
         turned = _wrap(theta - course)
         along = routes.along[r, i] + (s - i * SPACING)
-        # Room for the centre of the body, as it is turned now.
-        wide = half_width * np.abs(np.cos(turned)) + half_length * np.abs(np.sin(turned))
-        low = routes.low[r, i] - 0.9 * a.max_overhang + wide + EDGE
-        high = routes.high[r, i] + 0.9 * a.max_overhang - wide - EDGE
+        # Room for the centre of the body; in a bend, its ends stick out.
+        bulge = half_length**2 * routes.bend[r, i] / 2
+        edge = half_width + bulge + EDGE + 0.015 * half_length
+        low = routes.low[r, i] - 0.9 * a.max_overhang + edge
+        high = routes.high[r, i] + 0.9 * a.max_overhang - edge
+        wide = half_width + half_length * np.abs(np.sin(turned))
         shut_low, shut_high = routes.closed_low[r, i], routes.closed_high[r, i]
         touches = (d - wide < shut_high) & (d + wide > shut_low) & np.isfinite(shut_low)
         if k == 0:
@@ -134,13 +138,15 @@ def simulate(
         gap = along - half_length - (ego.along[k] + ego.length / 2)
         needed = needed_gap(ego.speed[k], speed * np.cos(turned), settings)
         ahead = gap >= 1.03 * needed + 0.3
-        behind = along + half_length < ego.along[k] - ego.length / 2 - FOLLOWING
+        room = ego.along[k] - ego.length / 2 - FOLLOWING - along - half_length
+        slow = ego.speed[k] + np.sqrt(5.0 * np.maximum(room - speed * h, 0.0))
+        behind = (room > 0.0) & (speed <= slow)
         # Once out of the ego's lane, the way back leads through the law.
         in_lane &= touches
         entered = (entered | (touches & keeps_out & ~in_lane & (ahead | behind))) & touches
         free = ~keeps_out | in_lane | entered | ahead | behind | ~np.isfinite(shut_low)
         from_left = d > (shut_low + shut_high) / 2
-        border = wide + BORDER
+        border = half_width + bulge + BORDER + 0.015 * half_length
         low = np.where(~free & from_left, np.maximum(low, shut_high + border), low)
         high = np.where(~free & ~from_left, np.minimum(high, shut_low - border), high)
         start_d = np.where(np.isnan(start_d), d, start_d)
@@ -150,9 +156,13 @@ def simulate(
         goal = np.clip(goal, np.minimum(low, high), np.maximum(low, high))
         miss = goal - d
         # Across no faster than allowed, than can be stopped, and than the body can be straightened.
-        across = np.minimum(np.sqrt(0.7 * a_max * np.abs(miss)), 0.96 * lateral)
+        across = np.minimum(np.sqrt(0.7 * a_max * np.abs(miss)), np.abs(miss) / SETTLING)
+        across = np.minimum(across, 0.96 * lateral - speed * np.sin(routes.kink[r, i]))
         angle = np.arccos(np.clip(1.0 - 0.6 * np.abs(miss) / tightest, 0.4, 1.0))
-        across = np.sign(miss) * np.minimum(across, speed * np.sin(angle))
+        # A body that turns sticks out to both sides.
+        spare = 0.9 * np.maximum(np.minimum(d - low, high - d), 0.0) / half_length
+        across = np.minimum(across, speed * np.minimum(np.sin(angle), spare + 0.005))
+        across = np.sign(miss) * np.maximum(across, 0.0)
         wanted = course + np.arcsin(np.clip(across / np.maximum(speed, 1e-6), -0.92, 0.92))
         a_side = _wrap(wanted - theta) * speed / h
         bound = np.minimum(0.9 * a_max, 0.95 * speed**2 / tightest)
@@ -162,10 +172,9 @@ def simulate(
         soon = np.clip(i + np.ceil(speed * h / SPACING).astype(int) + 1, 0, last)
         top = np.minimum(routes.cap[r, soon], v_max)
         # Who follows the ego in its lane can always brake behind it.
-        room = ego.along[k] - ego.length / 2 - FOLLOWING - along - half_length
         follows = yields & (in_lane | entered) & (along < ego.along[k])
-        top = np.where(follows, np.minimum(top, ego.speed[k] + np.sqrt(
-            np.maximum(5.0 * (room - speed * h), 0.0)) - np.where(room < 0, 3.0, 0.0)), top)  # fmt: skip
+        slow = slow - np.where(room < 0.0, 3.0, 0.0)
+        top = np.where(follows, np.minimum(top, slow), top)
         a_long = np.clip(np.minimum(a_long, (top - speed) / h), -rest, rest)
         a_long = np.maximum(a_long, -speed / h)
         then = speed + a_long * h
@@ -174,12 +183,17 @@ def simulate(
         moving = active & (until > k)
         cos, sin = np.cos(theta), np.sin(theta)
         new = v + h * np.column_stack([a_long * cos - a_side * sin, a_long * sin + a_side * cos])
+        # The projection onto the disc of allowed speeds moves no two points farther apart.
+        new *= np.minimum(1.0, v_max / np.maximum(np.hypot(*new.T), 1e-9))[:, None]
+        new[then < 1e-9] = 0.0
         new = np.where(moving[:, None], new, v)
         p = np.where(moving[:, None], p + h * (v + new) / 2, p)
         speed_then = np.hypot(new[:, 0], new[:, 1])
         theta = np.where(moving & (speed_then > 1e-6), np.arctan2(new[:, 1], new[:, 0]), theta)
         swing = 0.99 * h * (np.hypot(*(v + new).T) / 2) / tightest
-        turn = _wrap(theta + 0.98 * slip * plans.slip - psi)
+        # The body is turned out of its motion where there is room for it.
+        more = np.maximum(spare - np.abs(np.sin(turned)), 0.0)
+        turn = _wrap(theta + plans.slip * np.minimum(0.98 * slip, 0.8 * more) - psi)
         psi = np.where(moving, psi + np.clip(turn, -swing, swing), psi)
         v = new
     return Motion(position, heading, velocity, since, until)

@@ -141,6 +141,8 @@ def towards_ego(
     Anyone on lanes, unless it is in the ego's lane ahead of the ego: `legal_cut_in` lets it
     change into the ego's lane only if already at the start
     s_rear(o) - s_front(ego) >= d_safe(v_ego, v_o).
+    Behind the ego it may change into its lane at any time, and is then assumed not to drive into
+    it: so this needs `no_rear_end` too, and lists it.
     A body that is in the ego's lane already cuts in whatever the law says: dropped for it.
     """
     a = settings.assumptions
@@ -159,9 +161,13 @@ def towards_ego(
     if behind and a.no_rear_end:
         holds.append("no_rear_end")
     drop_cut = False
-    if a.legal_cut_in and (behind or not in_lane) and gap < needed:
+    # Who changes into the ego's lane behind it is then one more that must not drive into it: what
+    # is left out rests on both assumptions.
+    if a.legal_cut_in and a.no_rear_end and (behind or not in_lane) and gap < needed:
         drop_cut = behind or not _touches(obstacle, state, lane.polygon)
         (holds if drop_cut else dropped).append("legal_cut_in")
+        if drop_cut and not behind:
+            holds.append("no_rear_end")
     return TowardsEgo(behind, behind and a.no_rear_end, drop_cut, tuple(holds), tuple(dropped))
 
 

@@ -109,13 +109,14 @@ def _followed(
     here = sets.m < np.inf
     owner = touched.vehicle[graph.segment]
     relied_on: list[set[str]] = [set() for _ in vehicles]
-    for how, name, drops in (
-        (OWN, "no_rear_end", [x.law.drop_own for x in vehicles]),
-        (CUT, "legal_cut_in", [x.law.drop_cut for x in vehicles]),
+    # Who comes in behind the ego must not drive into it either: a cut-in rests on both.
+    for how, names, drops in (
+        (OWN, {"no_rear_end"}, [x.law.drop_own for x in vehicles]),
+        (CUT, {"legal_cut_in", "no_rear_end"}, [x.law.drop_cut for x in vehicles]),
     ):
         dropped = (graph.how == how) & np.array(drops)[owner]
         for v in owner[dropped & here.any(axis=0)].tolist():
-            relied_on[v].add(name)
+            relied_on[v] |= names
         here[:, dropped] = False
     row, node = np.nonzero(here)
     entries = Entries(
@@ -157,7 +158,7 @@ def _edges(
         for side, borders in enumerate(table.beside(shut)):
             found[v, borders, side] = table.sides[borders, side]
             if cut_up[v, borders].any():
-                relied_on[v].add("legal_cut_in")
+                relied_on[v] |= {"legal_cut_in", "no_rear_end"}
     return found[pieces.vehicle, pieces.slice]
 
 

@@ -1,1 +1,0 @@
-"""What is measured, over many scenes and decisions: costs, verdicts, soundness."""
