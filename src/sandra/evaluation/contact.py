@@ -25,7 +25,11 @@ BETWEEN = 8
 @dataclass(frozen=True, slots=True, eq=False)
 class Nearest:
     """Per motion (N,): the smallest distance to the ego [m], 0 in a contact; the fine step at
-    which that is, the first one of a contact; whether there is a contact."""
+    which that is, the first one of a contact; whether there is a contact.
+
+    Who only follows the ego as closely as it may comes near to no purpose: such moments count for
+    contacts, not for distances.
+    """
 
     distance: Array
     step: Ints
@@ -56,6 +60,7 @@ def nearest(drive: Drive, actor: Actor, motion: Motion, rows: Ints) -> Nearest:
     distance, at = np.full(len(rows), np.inf), np.zeros(len(rows), dtype=np.int64)
     contact = np.zeros(len(rows), dtype=bool)
     order = np.lexsort((step, gaps, row))
+    order = order[~motion.yielding[step[order], rows[row[order]]]]
     _, first = np.unique(row[order], return_index=True)
     best = order[first]
     distance[row[best]], at[row[best]] = gaps[best], step[best]

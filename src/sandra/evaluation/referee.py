@@ -31,15 +31,21 @@ SHARED_BORDER = 0.02
 
 @dataclass(slots=True)
 class Breaches:
-    """Per vehicle (N,) the first fine step at which it broke an assumption (T: never), and which."""
+    """Per vehicle (N,) the first fine step at which it broke an assumption (T: never), and which.
+
+    `cut_in` (N,): whether it came into the ego's lane ahead of the ego, as the law allows.
+    """
 
     step: Ints
     name: NDArray[np.object_]
+    cut_in: Bools
 
     @staticmethod
     def none(count: int, steps: int) -> Breaches:
         """Nobody has broken anything."""
-        return Breaches(np.full(count, steps), np.full(count, "", dtype=object))
+        return Breaches(
+            np.full(count, steps), np.full(count, "", dtype=object), np.zeros(count, dtype=bool)
+        )
 
     def add(self, rows: Ints, broken: Bools, steps: Ints, name: str) -> None:
         """Enter breaches of `rows`: `broken` (len(steps), len(rows)) at the fine `steps`."""
@@ -181,6 +187,7 @@ def _cuts_in(
     # Between two looks at it, distances change: half a metre is granted.
     legal = (gap_ahead >= needed - 0.5) | (gap_behind >= -0.5)
     found.add(every, enters & ~legal, looked, "legal_cut_in")
+    found.cut_in |= (enters & (gap_ahead >= needed - 0.5)).any(axis=0)
 
 
 def lane_state(

@@ -61,8 +61,8 @@ class Played:
     `kind` (B,) index into `KINDS`; `distance` (B,) smallest to any admissible other [m];
     `admissible` (B,) whether every other kept what is assumed of it; `events`; `breaches` how often
     which assumption was broken by how many vehicles; `rules` the rules that the ego broke;
-    `shortfalls` rollouts in which R_G1 fell short because of what another did; `others` how many
-    vehicles were played; `duration` [s]; `deviation` of the executed from the claimed motion [m].
+    `shortfalls` rollouts in which R_G1 fell short because of what another did; `cut_ins` legal ones
+    before the ego; `others` how many vehicles were played; `duration` [s]; `deviation` of the executed from the claimed motion [m].
     """
 
     kind: Ints
@@ -72,6 +72,7 @@ class Played:
     breaches: dict[str, int]
     rules: tuple[str, ...]
     shortfalls: int
+    cut_ins: int
     others: int
     duration: float
     deviation: float
@@ -122,6 +123,7 @@ class _Batch:
     breach: NDArray[np.object_]
     events: tuple[Event, ...]
     short: Bools
+    cut_ins: int
 
 
 class _Stage:
@@ -133,8 +135,12 @@ class _Stage:
         self.c, self.road, self.drive, self.actors, self.routes = c, road, drive, actors, routes
         length = c.ego.length
         self.ego = Ego.of(drive, road, length)
-        # A vehicle whose every route is unknown stays on no lane: it cannot be steered.
-        self.moving = [i for i, x in enumerate(actors) if x.moves != FIXED]
+        # What has no way on the map cannot be steered along it, so it is not played.
+        self.moving = [
+            i
+            for i, x in enumerate(actors)
+            if x.moves == FREE or (x.moves == LANES and len(routes.of(i)))
+        ]
         self.stride = max(1, round(LOOK / drive.step))
 
     def drawn(self, kinds: Ints, rng: np.random.Generator) -> dict[int, Plans]:
@@ -177,6 +183,7 @@ class _Stage:
                 motion = wander(actors, rows, self.drive)
             for n, i in enumerate(chosen):
                 motions[i] = motion, np.arange(n * count, (n + 1) * count)
+        cut_ins = 0
         for row, i in enumerate(self.moving):
             motion, mine = motions[i]
             near = nearest(self.drive, self.actors[i], motion, mine)
@@ -191,9 +198,10 @@ class _Stage:
                 events += self._contacts(i, motion, mine, hits, near.step, judged, kinds)
             # What happens after a breach, and what a breach has made possible, does not count.
             breach[row] = judged.name
+            cut_ins += int((judged.cut_in & (judged.name == "")).sum())
             distance[row, judged.name != ""] = np.inf
         short = self._shortfalls(motions, count)
-        return _Batch(kinds, wanted, distance, breach, tuple(events), short)
+        return _Batch(kinds, wanted, distance, breach, tuple(events), short, cut_ins)
 
     def _judge(self, i: int, motion: Motion, rows: Ints, stride: int | None = None) -> Breaches:
         stride = stride or self.stride
@@ -332,6 +340,7 @@ class _Stage:
             dict(zip(names.tolist(), counts.tolist(), strict=True)),
             tuple(rules.broken(self.c, self.drive, self.road)),
             int(short.sum()),
+            sum(batch.cut_ins for batch in done),
             len(self.moving),
             float(self.drive.times[-1]),
             self.drive.deviation,

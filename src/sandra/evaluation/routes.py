@@ -24,7 +24,7 @@ MOST = 6
 """Routes per vehicle."""
 SMOOTHING = 5.0
 """Centre lines are smoothed over this length [m]."""
-TAPER = 0.08
+TAPER = 0.06
 """Room beside the route shrinks no faster than this, per metre."""
 EASY = 0.5
 """Share of the acceleration that bends may need."""

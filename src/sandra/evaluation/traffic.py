@@ -41,7 +41,8 @@ class Motion:
     """N vehicles at T fine steps: `position` (T, N, 2), `heading`, `velocity` (T, N, 2).
 
     `until` (N,): first fine step at which it is no longer there (it left the map), else T; `since`
-    (N,): first at which it is there.
+    (N,): first at which it is there. `yielding` (T, N): it follows the ego in its lane, and keeps
+    a distance because it must.
     """
 
     position: Array
@@ -49,6 +50,7 @@ class Motion:
     velocity: Array
     since: Ints
     until: Ints
+    yielding: Bools
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -106,7 +108,7 @@ def simulate(
     is_crossing = np.abs(routes.ego_d[r, 0]) > 6.0
     start_d = np.full(n, np.nan)
     in_lane, entered = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
-    until = np.full(n, steps)
+    until, yielding = np.full(n, steps), np.zeros((steps, n), dtype=bool)
     position, heading, velocity = (np.empty((steps, n, 2)), np.empty((steps, n)),
                                    np.empty((steps, n, 2)))  # fmt: skip
     last = routes.point.shape[1] - 1
@@ -171,8 +173,12 @@ def simulate(
         a_long = np.clip(push * a_max, -rest, rest)
         soon = np.clip(i + np.ceil(speed * h / SPACING).astype(int) + 1, 0, last)
         top = np.minimum(routes.cap[r, soon], v_max)
+        # Where the lane ends, and the way beside it is not free, it stops.
+        top = np.where(np.maximum(low - d, d - high) > 0.15, 0.0, top)
+        top = np.minimum(top, 0.95 * lateral / np.maximum(np.abs(np.sin(turned)), 1e-3))
         # Who follows the ego in its lane can always brake behind it.
         follows = yields & (in_lane | entered) & (along < ego.along[k])
+        yielding[k] = follows
         slow = slow - np.where(room < 0.0, 3.0, 0.0)
         top = np.where(follows, np.minimum(top, slow), top)
         a_long = np.clip(np.minimum(a_long, (top - speed) / h), -rest, rest)
@@ -196,7 +202,7 @@ def simulate(
         turn = _wrap(theta + plans.slip * np.minimum(0.98 * slip, 0.8 * more) - psi)
         psi = np.where(moving, psi + np.clip(turn, -swing, swing), psi)
         v = new
-    return Motion(position, heading, velocity, since, until)
+    return Motion(position, heading, velocity, since, until, yielding)
 
 
 def _wishes(

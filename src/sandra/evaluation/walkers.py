@@ -76,4 +76,5 @@ def wander(actors: list[Actor], plans: Plans, drive: Drive) -> Motion:
         turns = bounded & (np.hypot(*new.T) > 1e-6)
         psi = np.where(turns, np.arctan2(new[:, 1], new[:, 0]), psi)
         v = new
-    return Motion(position, heading, velocity, since, np.full(n, steps))
+    nobody = np.zeros((steps, n), dtype=bool)
+    return Motion(position, heading, velocity, since, np.full(n, steps), nobody)

@@ -1,0 +1,1 @@
+"""What is measured, over many scenes and decisions: costs, verdicts, soundness."""
