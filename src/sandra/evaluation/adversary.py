@@ -61,9 +61,7 @@ def joined(parts: list[Plans]) -> Plans:
     return Plans(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Plans)))
 
 
-def plans(
-    kinds: Ints, routes: list[Ints], duration: float, rng: np.random.Generator
-) -> Plans:
+def plans(kinds: Ints, routes: list[Ints], duration: float, rng: np.random.Generator) -> Plans:
     """Draw plans.
 
     Args:
@@ -97,7 +95,11 @@ def plans(
 
 
 def improved(
-    tried: Plans, nearest: Array, groups: Ints, count: int, duration: float,
+    tried: Plans,
+    nearest: Array,
+    groups: Ints,
+    count: int,
+    duration: float,
     rng: np.random.Generator,
 ) -> Plans:
     """New plans close to those that came nearest (a small cross-entropy search).

@@ -45,15 +45,7 @@ def cases(files: tuple[Path, ...], index: int, seed: int, settings: Settings) ->
 
     The first of each file is the scene as it is. A scene that cannot be decided has none.
     """
-    rng = np.random.default_rng([seed, index])
-    path = files[index % len(files)]
-    scene = _loaded(path, settings)
-    label = path.stem
-    if index >= len(files):
-        later = int(rng.integers(0, LATEST + 1))
-        scene, label = moved(scene, later), f"{label} +{later}"
-        if rng.random() < 0.7:
-            scene, label = perturbed(scene, rng), f"{label} #{index}"
+    label, scene, rng = varied(files, index, seed, settings)
     kind = PREDICTIONS[rng.integers(len(PREDICTIONS))]
     rules = RULES[rng.integers(len(RULES))]
     pairs = [ALL_PAIRS[i] for i in rng.permutation(len(ALL_PAIRS))]
@@ -71,6 +63,22 @@ def cases(files: tuple[Path, ...], index: int, seed: int, settings: Settings) ->
         # Moved so that it is no decision problem any more, e.g. off its lane.
         return Cases(label, scene, ())
     return Cases(label, scene, tuple(found))
+
+
+def varied(
+    files: tuple[Path, ...], index: int, seed: int, settings: Settings
+) -> tuple[str, Scene, np.random.Generator]:
+    """The `index`-th scene with its label, and the random numbers that follow."""
+    rng = np.random.default_rng([seed, index])
+    path = files[index % len(files)]
+    scene = _loaded(path, settings)
+    label = path.stem
+    if index >= len(files):
+        later = int(rng.integers(0, LATEST + 1))
+        scene, label = moved(scene, later), f"{label} +{later}"
+        if rng.random() < 0.7:
+            scene, label = perturbed(scene, rng), f"{label} #{index}"
+    return label, scene, rng
 
 
 @lru_cache(maxsize=32)
@@ -97,8 +105,8 @@ def _later(obstacle: Obstacle, steps: int) -> Obstacle | None:
     if steps == 0 or obstacle.is_static:
         return obstacle
     if obstacle.occupancies is not None:
-        rest = obstacle.occupancies[steps:]
-        return replace(obstacle, occupancies=rest) if any(rest) else None
+        sets = obstacle.occupancies[steps:]
+        return replace(obstacle, occupancies=sets) if any(sets) else None
     if obstacle.states is None:
         return obstacle
     rest = obstacle.states[steps:]

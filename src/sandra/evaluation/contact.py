@@ -121,8 +121,6 @@ def separation(a: Array, b: Array) -> Array:
         size = np.linalg.norm(normal, axis=-1, keepdims=True)
         normal = np.where(size > 1e-9, normal / np.maximum(size, 1e-9), 0.0)
         one, other = normal @ np.swapaxes(a, 1, 2), normal @ np.swapaxes(b, 1, 2)
-        gap = np.maximum(
-            other.min(axis=2) - one.max(axis=2), one.min(axis=2) - other.max(axis=2)
-        )
+        gap = np.maximum(other.min(axis=2) - one.max(axis=2), one.min(axis=2) - other.max(axis=2))
         best = np.maximum(best, np.where(size[..., 0] > 1e-9, gap, -np.inf).max(axis=1))
     return np.asarray(best)

@@ -41,7 +41,7 @@ class Drive:
     @property
     def times(self) -> Array:
         """(n+1,) [s]."""
-        return self.step * np.arange(len(self.states))
+        return np.asarray(self.step * np.arange(len(self.states)), dtype=np.float64)
 
 
 def execute(c: Certificate) -> Drive:

@@ -6,7 +6,7 @@ and other as there are others, played at the same time.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from sandra.certificate import Certificate
 from sandra.evaluation import rules
 from sandra.evaluation.actors import FIXED, FREE, LANES, Actor, actors_of
-from sandra.evaluation.adversary import KINDS, SEARCH, Plans, improved, plans
+from sandra.evaluation.adversary import KINDS, SEARCH, Plans, improved, joined, plans
 from sandra.evaluation.contact import nearest
 from sandra.evaluation.ego import Drive, execute, rectangle
+from sandra.evaluation.outcome import Event, Played
 from sandra.evaluation.referee import Breaches, judge, lane_state
 from sandra.evaluation.road import Road
 from sandra.evaluation.routes import Routes, routes_of
@@ -33,49 +34,6 @@ GENERATIONS = 3
 """Batches of the search, each improving on the one before."""
 LOOK = 0.1
 """The referee looks at places on the road this often, and everywhere before a contact [s]."""
-
-
-@dataclass(frozen=True, slots=True)
-class Event:
-    """Something that should not be: enough to play it again.
-
-    `what`: "collision", or "after a cut-in" where the other had entered the ego's lane legally
-    after the decision. `avoided`: for the latter, whether braking with `a_min` after `t_d` avoids
-    it. `time` [s].
-    """
-
-    what: str
-    rollout: int
-    kind: str
-    obstacle: int
-    obstacle_kind: str
-    time: float
-    speed: float
-    avoided: bool = False
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Played:
-    """All rollouts of one certificate.
-
-    `kind` (B,) index into `KINDS`; `distance` (B,) smallest to any admissible other [m];
-    `admissible` (B,) whether every other kept what is assumed of it; `events`; `breaches` how often
-    which assumption was broken by how many vehicles; `rules` the rules that the ego broke;
-    `shortfalls` rollouts in which R_G1 fell short because of what another did; `cut_ins` legal ones
-    before the ego; `others` how many vehicles were played; `duration` [s]; `deviation` of the executed from the claimed motion [m].
-    """
-
-    kind: Ints
-    distance: Array
-    admissible: Bools
-    events: tuple[Event, ...]
-    breaches: dict[str, int]
-    rules: tuple[str, ...]
-    shortfalls: int
-    cut_ins: int
-    others: int
-    duration: float
-    deviation: float
 
 
 def play(
@@ -146,9 +104,7 @@ class _Stage:
     def drawn(self, kinds: Ints, rng: np.random.Generator) -> dict[int, Plans]:
         """New plans for every moving actor."""
         end = float(self.drive.times[-1])
-        return {
-            i: plans(kinds, [self.routes.of(i)] * len(kinds), end, rng) for i in self.moving
-        }
+        return {i: plans(kinds, [self.routes.of(i)] * len(kinds), end, rng) for i in self.moving}
 
     def improved(
         self, done: list[_Batch], count: int, rng: np.random.Generator
@@ -158,7 +114,7 @@ class _Stage:
         best = {}
         for row, i in enumerate(self.moving):
             near = np.concatenate([batch.distance[row] for batch in done])
-            tried = _joined([batch.plans[i] for batch in done])
+            tried = joined([batch.plans[i] for batch in done])
             best[i] = improved(tried, near, np.zeros(len(near), dtype=int), count, end, rng)
         return best
 
@@ -173,12 +129,10 @@ class _Stage:
             chosen = [i for i in self.moving if self.actors[i].moves == moves]
             if not chosen:
                 continue
-            rows = _joined([wanted[i] for i in chosen])
+            rows = joined([wanted[i] for i in chosen])
             actors = [self.actors[i] for i in chosen for _ in range(count)]
             if moves == LANES:
-                motion = simulate(
-                    actors, rows, self.routes, self.drive, self.ego, self.c.settings
-                )
+                motion = simulate(actors, rows, self.routes, self.drive, self.ego, self.c.settings)
             else:
                 motion = wander(actors, rows, self.drive)
             for n, i in enumerate(chosen):
@@ -205,9 +159,7 @@ class _Stage:
 
     def _judge(self, i: int, motion: Motion, rows: Ints, stride: int | None = None) -> Breaches:
         stride = stride or self.stride
-        return judge(
-            self.actors[i], motion, rows, self.drive, self.road, self.c.settings, stride
-        )
+        return judge(self.actors[i], motion, rows, self.drive, self.road, self.c.settings, stride)
 
     def _contacts(
         self, i: int, motion: Motion, mine: Ints, hits: Ints, step: Ints, judged: Breaches,
@@ -221,25 +173,21 @@ class _Stage:
                 continue
             # From here on the breach, if any, came later than the contact.
             judged.name[b], judged.step[b] = "", len(self.drive.states)
-            p, psi, v = (
-                x[:, [column]] for x in (motion.position, motion.heading, motion.velocity)
-            )
+            p, psi, v = (x[:, [column]] for x in (motion.position, motion.heading, motion.velocity))
             looked = np.arange(actor.appears, k + 1)
-            inside = np.zeros(len(looked), dtype=bool)
+            came_ahead, entered = False, 0
             if self.road.reference is not None and (actor.yields or actor.keeps_out):
-                state = lane_state(
-                    actor, p, psi, v, looked, self.drive, self.road, self.c.settings
-                )
-                inside = state[0][:, 0]
-                behind = state[1][-1, 0] < state[2][-1, 0]
-                if actor.yields and inside[-1] and behind:
+                state = lane_state(actor, p, psi, v, looked, self.drive, self.road, self.c.settings)
+                inside: Bools = state[0][:, 0]
+                ahead, after = state[1][:, 0], state[2][:, 0]
+                if actor.yields and inside[-1] and ahead[-1] < after[-1]:
                     judged.name[b], judged.step[b] = "no_rear_end", k
                     continue
-            cut_in = actor.keeps_out and bool(inside[-1])
-            avoided = False
-            if cut_in:
-                entered = int(looked[np.flatnonzero(~inside)[-1]]) if not inside.all() else 0
-                avoided = self._avoided(i, motion, int(column), entered)
+                if inside[-1] and not inside.all():
+                    first = int(np.flatnonzero(~inside)[-1]) + 1
+                    entered, came_ahead = int(looked[first]), bool(ahead[first] > 0.0)
+            cut_in = actor.keeps_out and came_ahead
+            avoided = cut_in and self._avoided(i, motion, int(column), entered)
             found.append(
                 Event(
                     "after a cut-in" if cut_in else "collision",
@@ -261,9 +209,7 @@ class _Stage:
         """
         s, drive = self.c.settings, self.drive
         begin = entered + int(np.ceil(s.t_d / drive.step))
-        way = np.concatenate(
-            [[0.0], np.cumsum(np.hypot(*np.diff(drive.states[:, :2], axis=0).T))]
-        )
+        way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(drive.states[:, :2], axis=0).T))])
         late = np.maximum(np.arange(len(way)) - begin, 0) * drive.step
         at = min(begin, len(way) - 1)
         v = drive.states[at, 3]
@@ -314,7 +260,7 @@ class _Stage:
         offset = 0
         for batch in done:
             for event in batch.events:
-                events.append(_moved(event, offset))
+                events.append(replace(event, rollout=event.rollout + offset))
             offset += len(batch.kinds)
         fixed = [x for x in self.actors if x.moves == FIXED]
         standing = np.inf
@@ -323,8 +269,15 @@ class _Stage:
             standing = min(standing, near[0])
             if near[1] >= 0:
                 events += [
-                    Event("collision", b, KINDS[kind], actor.id, actor.kind,
-                          round(near[1] * self.drive.step, 4), 0.0)  # fmt: skip
+                    Event(
+                        "collision",
+                        b,
+                        KINDS[kind],
+                        actor.id,
+                        actor.kind,
+                        round(near[1] * self.drive.step, 4),
+                        0.0,
+                    )
                     for b, kind in enumerate(kinds.tolist())
                 ]
         names, counts = np.unique(breach[breach != ""].astype(str), return_counts=True)
@@ -355,15 +308,3 @@ def _standing(drive: Drive, actor: Actor) -> tuple[float, int]:
     hit = np.flatnonzero(gaps[actor.appears :] <= 0.0)
     first = int(hit[0]) + actor.appears if len(hit) else -1
     return float(gaps[actor.appears :].min()), first
-
-
-def _joined(parts: list[Plans]) -> Plans:
-    from sandra.evaluation.adversary import joined
-
-    return joined(parts)
-
-
-def _moved(event: Event, offset: int) -> Event:
-    from dataclasses import replace
-
-    return replace(event, rollout=event.rollout + offset)

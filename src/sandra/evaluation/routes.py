@@ -35,8 +35,8 @@ class Routes:
     """R routes of M samples; `owner` (R,) is the index of the actor.
 
     `point` (R, M, 2), `course` (R, M) [rad], `low`, `high` (R, M): room for the body to the right
-    and left [m]; `cap` (R, M): speed with which the bends ahead can be taken; `bend` (R, M) curvature
-    [1/m], and `kink` (R, M) angle to the map's centre line [rad], >= 0; `closed_low`,
+    and left [m]; `cap` (R, M): speed with which the bends ahead can be taken; `bend` (R, M)
+    curvature [1/m], and `kink` (R, M) angle to the map's centre line [rad], >= 0; `closed_low`,
     `closed_high` (R, M): the ego's lane, from its right to its left border, if it may be entered
     only by law, else inf; `along` (R, M): s along the ego's lane; `length` (R,): of the way on the
     map [m]; `ego_s`, `ego_d` (R, T): the ego in the route's coordinates at fine steps.

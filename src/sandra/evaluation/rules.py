@@ -92,7 +92,7 @@ def safe_distance_left(
     if road.reference is None:
         return left
     line = shapely.LineString(road.reference)
-    x, y, heading, speed, _ = drive.states[k]
+    x, y, speed = drive.states[k, [0, 1, 3]]
     front = shapely.line_locate_point(line, shapely.Point(x, y)) + c.ego.length / 2
     body = shapely.polygons(drive.corners[k])
     bodies = [_placed(o) for o in others]
