@@ -329,6 +329,18 @@ def test_legal_cut_in() -> None:
         assert in_ego_lane(each)[-1]
 
 
+def test_what_is_left_out_of_the_egos_lane_names_both_assumptions() -> None:
+    """Who is beside the ego may come in behind it: that it then does not drive into it is the other
+    assumption, so it is named, and without it nothing is left out."""
+    now = with_ego(car(1, 2, 8.75, speed=15.0))
+    each = predict(now, "set-based", 20).obstacles[0]
+    assert {"legal_cut_in", "no_rear_end"} <= set(each.assumptions)
+    off = Settings(assumptions=Assumptions(no_rear_end=False))
+    each = predict(now, "set-based", 20, off).obstacles[0]
+    assert not {"legal_cut_in", "no_rear_end"} & set(each.assumptions)
+    assert in_ego_lane(each)[-1]
+
+
 def test_who_is_already_cutting_in_is_not_assumed_away() -> None:
     straddling = car(1, 6, 7.5, heading=-0.1, speed=15.0)
     each = predict(with_ego(straddling), "set-based", 20).obstacles[0]
