@@ -175,7 +175,7 @@ def test_area_on_the_case_study_only_shrinks(shared: Path) -> None:
         assert mean >= 0.9 * most, f"step {k}: {mean:.1f} m^2, lower the bound"
 
 
-AREAS = {1: 9.7, 5: 36.2, 10: 100.6, 25: 564.0}
+AREAS = {1: 9.7, 5: 36.2, 10: 102.4, 25: 564.0}
 
 
 def spread(regions: tuple[Region, ...]) -> tuple[float, float, float, float]:
@@ -200,6 +200,17 @@ def test_tight_in_a_straight_lane() -> None:
         assert y1 <= 10.85
     assert spread(each.at[0]) == pytest.approx((-102.25, -97.75, 4.35, 6.15))
     assert spread(each.at[1])[2:] == pytest.approx((4.35, 6.15), abs=0.5)
+
+
+def test_a_lane_change_goes_on_in_the_step_in_which_it_crosses_the_border() -> None:
+    """At the bound on the speed across, from 0.6 m before the border, in steps of 0.8 m."""
+    small = Obstacle(1, "motorcycle", Region.rectangle(0.2, 0.2), State(-100, 2.9, 0.0, 20.0))
+    settings = Settings(assumptions=replace(OPEN, max_acceleration=100.0))
+    each = predict(scene(ROAD, (small,), dt=0.2), "set-based", 3, settings).obstacles[0]
+    for k in (1, 2, 3):
+        top = 2.9 + 4.0 * 0.2 * k
+        assert top + 0.1 <= spread(each.at[k])[3] <= top + 0.1 + 0.3
+        assert spread(each.between[k - 1])[3] >= top + 0.1
 
 
 def test_sets_grow_and_intervals_hold_their_ends() -> None:

@@ -41,17 +41,24 @@ def follow(table: LaneTable, graph: LaneGraph, first: Ints, last: Ints, dt: floa
     now = graph.start
     points, intervals = [now], []
     growth = graph.lateral_speed * dt * graph.stretch
+    # It is in a lane at some time of a step, and beyond the lane's border by then at most as far as
+    # it moves across in one step: so much is handed on to the lane beside.
+    most = graph.half + growth
     for k in range(horizon):
         here = now.m < np.inf
         wider = _where(
             here,
             Stretches(
                 now.m,
-                np.maximum(np.where(here, now.low, 0.0) - growth, -graph.half),
-                np.minimum(np.where(here, now.high, 0.0) + growth, graph.half),
+                np.maximum(np.where(here, now.low, 0.0) - growth, -most),
+                np.minimum(np.where(here, now.high, 0.0) + growth, most),
             ),
         )
-        during = _spread(table, graph, wider, first[horizon + 1 + k], last[horizon + 1 + k])
+        cells = first[horizon + 1 + k], last[horizon + 1 + k]
+        moved = _spread(table, graph, wider, *cells, most)
+        during = Stretches(
+            moved.m, np.maximum(moved.low, -graph.half), np.minimum(moved.high, graph.half)
+        )
         begin = _begin(table, graph, during.m, first[k + 1])
         here = begin <= last[k + 1][graph.segment]
         rear = np.maximum(during.m, table.behind[np.where(here, begin, 0)])
@@ -70,15 +77,16 @@ def _begin(table: LaneTable, graph: LaneGraph, m: Array, first: Ints) -> Ints:
 
 
 def _spread(
-    table: LaneTable, graph: LaneGraph, now: Stretches, first: Ints, last: Ints
+    table: LaneTable, graph: LaneGraph, now: Stretches, first: Ints, last: Ints, most: Array
 ) -> Stretches:
-    """Everything that can be entered within one step, from `now`."""
+    """Everything that can be entered within one step, from `now`; y at most `most` (n,) [m]."""
     last = last[graph.segment]
     m, low, high = now.m, now.low, now.high
     while True:
         begin = _begin(table, graph, m, first)
         here = begin <= last
-        entered = _entered(table, graph, Stretches(m, low, high), begin, np.where(here, last, -1))
+        free = np.where(here, last, -1)
+        entered = _entered(table, graph, Stretches(m, low, high), begin, free, most)
         if entered is None:
             break
         new_m = np.minimum(m, entered.m)
@@ -90,12 +98,13 @@ def _spread(
 
 
 def _entered(
-    table: LaneTable, graph: LaneGraph, now: Stretches, begin: Ints, last: Ints
+    table: LaneTable, graph: LaneGraph, now: Stretches, begin: Ints, last: Ints, most: Array
 ) -> Stretches | None:
     """What can be entered from each node by one link, united by the node that is entered.
 
     Args:
         begin, last: (n,) the cells that each node can be left from; last -1: none.
+        most: (n,) y is kept within this on both sides of each node [m].
     """
     # On to the next lanelet from its last cell, or to the one before from its first.
     ends, sides = graph.ends, graph.sides
@@ -141,10 +150,10 @@ def _entered(
     starts = np.flatnonzero(np.diff(target, prepend=-1))
     united = _nowhere(len(graph.segment))
     nodes = target[starts]
-    half = graph.half[nodes]
+    bound = most[nodes]
     united.m[nodes] = np.minimum.reduceat(m[order], starts)
-    united.low[nodes] = np.maximum(np.minimum.reduceat(low[order], starts), -half)
-    united.high[nodes] = np.minimum(np.maximum.reduceat(high[order], starts), half)
+    united.low[nodes] = np.maximum(np.minimum.reduceat(low[order], starts), -bound)
+    united.high[nodes] = np.minimum(np.maximum.reduceat(high[order], starts), bound)
     return united
 
 
