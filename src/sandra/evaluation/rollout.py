@@ -9,17 +9,17 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
 from sandra.certificate import Certificate
 from sandra.evaluation import rules
 from sandra.evaluation.actors import FIXED, FREE, LANES, Actor, actors_of
 from sandra.evaluation.adversary import KINDS, SEARCH, Plans, improved, joined, plans
+from sandra.evaluation.blame import contacts, standing_contact
 from sandra.evaluation.contact import nearest
-from sandra.evaluation.ego import Drive, execute, rectangle
+from sandra.evaluation.ego import Drive, execute
 from sandra.evaluation.outcome import Event, Played
-from sandra.evaluation.referee import Breaches, judge, lane_state
+from sandra.evaluation.referee import Breaches, judge
 from sandra.evaluation.road import Road
 from sandra.evaluation.routes import Routes, routes_of
 from sandra.evaluation.traffic import Ego, Motion, simulate
@@ -149,7 +149,10 @@ class _Stage:
                 earlier = again.step < judged.step[hits]
                 judged.step[hits[earlier]] = again.step[earlier]
                 judged.name[hits[earlier]] = again.name[earlier]
-                events += self._contacts(i, motion, mine, hits, near.step, judged, kinds)
+                events += contacts(
+                    self.c, self.road, self.drive, self.actors[i], motion, mine,
+                    hits, near.step, judged, kinds,
+                )  # fmt: skip
             # What happens after a breach, and what a breach has made possible, does not count.
             breach[row] = judged.name
             cut_ins += int((judged.cut_in & (judged.name == "")).sum())
@@ -160,70 +163,6 @@ class _Stage:
     def _judge(self, i: int, motion: Motion, rows: Ints, stride: int | None = None) -> Breaches:
         stride = stride or self.stride
         return judge(self.actors[i], motion, rows, self.drive, self.road, self.c.settings, stride)
-
-    def _contacts(
-        self, i: int, motion: Motion, mine: Ints, hits: Ints, step: Ints, judged: Breaches,
-        kinds: Ints,
-    ) -> list[Event]:  # fmt: skip
-        """Contacts before any breach: whose they are. Enters breaches of `no_rear_end`."""
-        actor, found = self.actors[i], []
-        for b in hits.tolist():
-            k, column = int(step[b]), mine[b]
-            if judged.step[b] <= k:
-                continue
-            # From here on the breach, if any, came later than the contact.
-            judged.name[b], judged.step[b] = "", len(self.drive.states)
-            p, psi, v = (x[:, [column]] for x in (motion.position, motion.heading, motion.velocity))
-            looked = np.arange(actor.appears, k + 1)
-            came_ahead, entered = False, 0
-            if self.road.reference is not None and (actor.yields or actor.keeps_out):
-                state = lane_state(actor, p, psi, v, looked, self.drive, self.road, self.c.settings)
-                inside: Bools = state[0][:, 0]
-                ahead, after = state[1][:, 0], state[2][:, 0]
-                if actor.yields and inside[-1] and ahead[-1] < after[-1]:
-                    judged.name[b], judged.step[b] = "no_rear_end", k
-                    continue
-                if inside[-1] and not inside.all():
-                    first = int(np.flatnonzero(~inside)[-1]) + 1
-                    entered, came_ahead = int(looked[first]), bool(ahead[first] > 0.0)
-            cut_in = actor.keeps_out and came_ahead
-            avoided = cut_in and self._avoided(i, motion, int(column), entered)
-            found.append(
-                Event(
-                    "after a cut-in" if cut_in else "collision",
-                    b,
-                    KINDS[kinds[b]],
-                    actor.id,
-                    actor.kind,
-                    round(k * self.drive.step, 4),
-                    round(float(self.drive.states[k, 3]), 3),
-                    avoided,
-                )
-            )
-        return found
-
-    def _avoided(self, i: int, motion: Motion, column: int, entered: int) -> bool:
-        """Whether braking with `a_min` on the same path, `t_d` after the other came in, is enough.
-
-        As who follows with the safe distance does (R_G1).
-        """
-        s, drive = self.c.settings, self.drive
-        begin = entered + int(np.ceil(s.t_d / drive.step))
-        way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(drive.states[:, :2], axis=0).T))])
-        late = np.maximum(np.arange(len(way)) - begin, 0) * drive.step
-        at = min(begin, len(way) - 1)
-        v = drive.states[at, 3]
-        late = np.minimum(late, v / abs(s.a_min))
-        braked = np.minimum(way, way[at] + v * late - abs(s.a_min) / 2 * late**2)
-        states = drive.states.copy()
-        for j in (0, 1):
-            states[:, j] = np.interp(braked, way, drive.states[:, j])
-        states[:, 2] = np.interp(braked, way, np.unwrap(drive.states[:, 2]))
-        corners = rectangle(states[:, :2], states[:, 2], self.c.ego.length, self.c.ego.width)
-        other = Drive(
-            drive.step, states, drive.acceleration, corners, drive.decision, drive.per_dt, 0.0
-        )
-        return not bool(nearest(other, self.actors[i], motion, np.array([column])).contact[0])
 
     def _shortfalls(self, motions: dict[int, tuple[Motion, Ints]], count: int) -> Bools:
         """(B,) whether R_G1 falls short of what the others really do, up to `t_dec`."""
@@ -265,7 +204,7 @@ class _Stage:
         fixed = [x for x in self.actors if x.moves == FIXED]
         standing = np.inf
         for actor in fixed:
-            near = _standing(self.drive, actor)
+            near = standing_contact(self.drive, actor)
             standing = min(standing, near[0])
             if near[1] >= 0:
                 events += [
@@ -298,13 +237,3 @@ class _Stage:
             float(self.drive.times[-1]),
             self.drive.deviation,
         )
-
-
-def _standing(drive: Drive, actor: Actor) -> tuple[float, int]:
-    """(smallest distance, fine step of the first contact or -1) for what stands."""
-    body = actor.outline.placed(actor.start.x, actor.start.y, actor.start.heading)
-    shape = shapely.convex_hull(shapely.multipoints(body.vertices))
-    gaps = shapely.distance(shapely.polygons(drive.corners), shape) - body.radius
-    hit = np.flatnonzero(gaps[actor.appears :] <= 0.0)
-    first = int(hit[0]) + actor.appears if len(hit) else -1
-    return float(gaps[actor.appears :].min()), first
