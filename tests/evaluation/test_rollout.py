@@ -23,6 +23,9 @@ from evaluation.rollout_scenes import (
 from prediction.referee import Road as OtherRoad
 from prediction.referee import first_breach
 from prediction.traffic import CAR, car
+from sandra.actions import ActionPair
+from sandra.certificate import check
+from sandra.certify import Basis, Proven, certify
 from sandra.evaluation.actors import actors_of
 from sandra.evaluation.adversary import KINDS, plans
 from sandra.evaluation.ego import execute
@@ -32,8 +35,10 @@ from sandra.evaluation.road import Road
 from sandra.evaluation.rollout import play
 from sandra.evaluation.routes import routes_of
 from sandra.evaluation.traffic import Ego, simulate
+from sandra.prediction import predict
+from sandra.reach import ground, verify_pair
 from sandra.scene.types import Obstacle, Region, State
-from sandra.settings import Assumptions
+from sandra.settings import Assumptions, Settings
 
 TRAFFIC = (
     leader(),
@@ -116,15 +121,32 @@ def test_who_comes_in_behind_must_not_drive_into_the_ego_and_the_certificate_say
     )
 
 
-def test_a_mild_fail_safe_may_be_caught_by_a_legal_cut_in_and_braking_avoids_it() -> None:
+def test_a_mild_fail_safe_is_caught_by_a_legal_cut_in_and_the_checker_knows() -> None:
     """d_safe counts on a_min: 2 m/s^2 is not what the law grants a follower."""
-    now = two_lanes(car(8, -100.0 + 14.0, LEFT, speed=20.0), speed=20.0)
-    found = play(sound(stopping(now, braking=2.0)), now, 120, 3)
-    caught = [e for e in found.events if e.what == "after a cut-in"]
+    now = two_lanes(car(8, -100.0 + 14.0, LEFT, speed=20.0), speed=18.0)
+    mild = stopping(now, braking=2.0)
+    refused = check(mild).violation
+    assert refused is not None
+    assert refused.condition == "cut-in"
+    caught = [e for e in play(mild, now, 120, 3).events if e.what == "after a cut-in"]
     assert caught
-    assert collisions(found) == 0
     assert all(e.avoided for e in caught)
-    assert play(stopping(now, braking=6.0), now, 120, 3).events == ()
+    assert play(sound(stopping(now, braking=6.0)), now, 120, 3).events == ()
+
+
+@pytest.mark.parametrize("speed", [12.0, 25.0])
+def test_the_planner_brakes_hard_enough_for_legal_cut_ins(speed: float) -> None:
+    """Nobody else is near: without this, the mildest fail-safe would be kept."""
+    now = two_lanes(car(8, -100.0 + 14.0, LEFT, speed=speed), speed=speed)
+    settings = Settings(horizon=10)
+    base = ground(now, predict(now, "most-likely", 10, settings), settings)
+    pair = ActionPair.parse("keep,follow-lane")
+    verdict = certify(Basis.of(base), verify_pair(base, pair, (), reasons=False))
+    assert isinstance(verdict.proof, Proven)
+    found = play(verdict.proof.certificate, now, 120, 1)
+    assert found.events == ()
+    assert found.cut_ins > 20
+    assert found.distance.min() < 3.0
 
 
 def test_the_same_seed_gives_the_same_rollouts() -> None:
