@@ -73,8 +73,9 @@ def _spread(
     todo: list[Node] = []
 
     def enter(node: Node, new: Stretch) -> None:
-        half = float(strips[node[0]].half.max())
-        new = Stretch(new.m, max(new.low, -half), min(new.high, half))
+        strip = strips[node[0]]
+        most = float(strip.half.max()) + vehicle.lateral_speed * dt * strip.stretch
+        new = Stretch(new.m, max(new.low, -most), min(new.high, most))
         if node in found:
             old = found[node]
             new = Stretch(min(old.m, new.m), min(old.low, new.low), max(old.high, new.high))
@@ -94,7 +95,8 @@ def _spread(
         inside = _inside(strip, touched[lanelet], stretch.m)
         if not inside:
             continue
-        kept[node] = stretch
+        half = float(strip.half.max())
+        kept[node] = Stretch(stretch.m, max(stretch.low, -half), min(stretch.high, half))
         onward = [(i, True) for i in strip.successors if inside[-1] == len(strip.cells) - 1]
         if vehicle.reversing and inside[0] == 0:
             onward += [(i, False) for i in strip.predecessors]

@@ -28,6 +28,9 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Regions = tuple[tuple[Region, ...], ...]
 
+TO_CUT_IN = frozenset({"legal_cut_in", "no_rear_end"})
+"""Who does not change into the ego's lane in front of it, nor behind it to drive into it."""
+
 
 @dataclass(frozen=True, slots=True)
 class Scope:
@@ -109,10 +112,9 @@ def _followed(
     here = sets.m < np.inf
     owner = touched.vehicle[graph.segment]
     relied_on: list[set[str]] = [set() for _ in vehicles]
-    # Who comes in behind the ego must not drive into it either: a cut-in rests on both.
     for how, names, drops in (
-        (OWN, {"no_rear_end"}, [x.law.drop_own for x in vehicles]),
-        (CUT, {"legal_cut_in", "no_rear_end"}, [x.law.drop_cut for x in vehicles]),
+        (OWN, frozenset({"no_rear_end"}), [x.law.drop_own for x in vehicles]),
+        (CUT, TO_CUT_IN, [x.law.drop_cut for x in vehicles]),
     ):
         dropped = (graph.how == how) & np.array(drops)[owner]
         for v in owner[dropped & here.any(axis=0)].tolist():
@@ -158,7 +160,7 @@ def _edges(
         for side, borders in enumerate(table.beside(shut)):
             found[v, borders, side] = table.sides[borders, side]
             if cut_up[v, borders].any():
-                relied_on[v] |= {"legal_cut_in", "no_rear_end"}
+                relied_on[v] |= TO_CUT_IN
     return found[pieces.vehicle, pieces.slice]
 
 

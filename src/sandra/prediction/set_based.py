@@ -14,8 +14,7 @@ Two assumptions are about the ego (`observed.towards_ego`). `no_rear_end`: a veh
 in its lane gives no region in that lane while it stays in it; the ego may brake, or stay, without
 asking whether that vehicle reacts. `legal_cut_in`: who is beside or behind the ego, or ahead by
 less than the safe distance, gives no region in the ego's lane; if it gets in front legally later,
-it leaves the ego the safe distance, and is seen in the ego's lane at the next decision. Who gets
-in behind the ego is then one more that `no_rear_end` speaks of, so both are listed for it. Both
+it leaves the ego the safe distance, and is seen in the ego's lane at the next decision. Both
 concern the ego's *current* lane only: in a neighbouring lane, nothing is left out.
 """
 
