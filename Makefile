@@ -40,8 +40,9 @@ check: .venv/.installed  ## format, lint, types, import contract, links of the d
 	$(BIN)/lint-imports
 	$(BIN)/python scripts/check_links.py
 
-soundness: .venv/.installed  ## many random trajectories against the reachable sets (minutes)
+soundness: .venv/.installed  ## reachable sets against random trajectories, certificates against adversaries
 	$(BIN)/python -m pytest tests/reach -m soundness
+	$(BIN)/sandra evaluate soundness --rollouts 10000
 
 differential: .venv/.installed  ## verdicts against an exhaustive grid search, into docs/differential.md (minutes)
 	$(BIN)/python scripts/differential.py --scenes 500 --seed 1 --workers 1

@@ -12,6 +12,7 @@ from pathlib import Path
 import shapely
 
 from sandra.certificate.collision import predictions, set_based_collision, witness_collision
+from sandra.certificate.cut_in import cut_in
 from sandra.certificate.file import load
 from sandra.certificate.form import form
 from sandra.certificate.motion import (
@@ -51,6 +52,7 @@ CONDITIONS: dict[str, Condition] = {
     "road": road,
     "conflict-area": conflict_area,
     "trace": trace,
+    "cut-in": cut_in,
 }
 """All conditions by name, in the order in which they are checked; each relies on those before."""
 

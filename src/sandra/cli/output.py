@@ -24,14 +24,14 @@ def progress(stage: str) -> None:
 
 def print_json(data: dict[str, Any]) -> None:
     """One JSON object; numbers that JSON lacks (infinite, undefined) become null."""
-    print(json.dumps(_finite(data), allow_nan=False))
+    print(json.dumps(finite(data), allow_nan=False))
 
 
-def _finite(value: Any) -> Any:
+def finite(value: Any) -> Any:
     if isinstance(value, float) and value - value != 0.0:
         return None
     if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
+        return {key: finite(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
+        return [finite(item) for item in value]
     return value

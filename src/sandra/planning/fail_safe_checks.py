@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from sandra.planning.fail_safe_candidates import Candidates, Task
 from sandra.planning.limits import within_limits
-from sandra.planning.single_track import lateral_acceleration
+from sandra.planning.single_track import SPEED, lateral_acceleration
 from sandra.planning.types import FailSafe, Margins, Trajectory
 
 Array = NDArray[np.float64]
@@ -79,6 +79,12 @@ def mildest_that_holds(task: Task, candidates: Candidates, failures: Failures) -
         text = _how(candidates, i) + _in_conflict(last[i])
         failures.add(candidates.strategy[i], text, 1.0, float(away[i]))
     kept &= away > CONFLICT_MARGIN
+    if shared.cut_in:
+        late = beyond_legal_cut_in(task, candidates.states)
+        for i in np.flatnonzero(kept & (late > 0.0)).tolist():
+            text = f"{_how(candidates, i)}stops {late[i]:.1f} m too late for who cuts in legally"
+            failures.add(candidates.strategy[i], text, 1.5, -float(late[i]))
+        kept &= late <= 0.0
     lateral = np.abs(lateral_acceleration(candidates.states, ego.wheelbase))[:, :-1]
     peak = np.hypot(candidates.inputs[..., 0], lateral).max(axis=1)
     rows = np.flatnonzero(kept)
@@ -113,6 +119,28 @@ def mildest_that_holds(task: Task, candidates: Candidates, failures: Failures) -
             )
     _blame(task, candidates, rows[~ends_free[rows]], failures)
     return None
+
+
+def beyond_legal_cut_in(task: Task, states: Array) -> Array:
+    """(N,) how much farther trajectories (N, n+1, 5) go than the law keeps free for them [m].
+
+    Who cuts in legally at some time leaves d_safe = v^2 / (2 |a_min|) - v_o^2 / (2 |a_obs_min|) +
+    v t_d, and may then brake with a_obs_min: it stands v^2 / (2 |a_min|) + v t_d ahead of where the
+    ego's front was at that time. From every time on the ego must come to stand within that. Before
+    t_dec, where only the state now is known, the larger way and the smaller speed count.
+    """
+    s = task.settings
+    v = np.maximum(states[..., SPEED], 0.0)
+    way = np.cumsum((v[:, :-1] + v[:, 1:]) / 2 * task.tau, axis=1)
+    rest = way[:, -1:] - np.concatenate([np.zeros((len(v), 1)), way], axis=1)
+
+    def kept_free(speed: Array) -> Array:
+        return np.asarray(speed**2 / (2 * abs(s.a_min)) + speed * s.t_d)
+
+    now = max(task.scene.ego.state.speed, 0.0)
+    before = np.maximum(v[:, 0], now) * task.t_dec + rest[:, 0]
+    late = before - kept_free(np.minimum(v[:, 0], now))
+    return np.asarray(np.maximum(late, (rest - kept_free(v)).max(axis=1)))
 
 
 def _blame(task: Task, candidates: Candidates, rows: Ints, failures: Failures) -> None:

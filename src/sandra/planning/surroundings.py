@@ -38,6 +38,8 @@ class Surroundings:
     conflicts: tuple[Array, ...]
     area: Any
     """The union of the conflict areas (shapely), None where there are none."""
+    cut_in: bool = False
+    """Whether the prediction relies on somebody's cutting in only as the law allows."""
 
     @staticmethod
     def of(scene: Scene, set_based: Prediction) -> Surroundings:
@@ -56,6 +58,7 @@ class Surroundings:
             Road.of(scene),
             areas,
             shapely.union_all([shapely.Polygon(x) for x in areas]) if areas else None,
+            any("legal_cut_in" in each.assumptions for each in set_based.obstacles),
         )
 
     def gaps(self, states: Array, inputs: Array, tau: float, start: float, within: float) -> Array:
