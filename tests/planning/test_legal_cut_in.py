@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evaluation.rollout_scenes import LEFT, two_lanes
 from prediction.traffic import car
+from rollout_scenes import LEFT, two_lanes
 from sandra.planning.fail_safe_checks import beyond_legal_cut_in
 from sandra.planning.fail_safe_search import FailSafe, fail_safe, fail_safe_horizon
 from sandra.prediction import predict

@@ -43,7 +43,7 @@ def add(actions: Any) -> None:
 
 
 def _soundness(arguments: argparse.Namespace) -> int:
-    from sandra.evaluation.soundness import soundness
+    from sandra.evaluation.rollouts.soundness import soundness
 
     _write(arguments.out, "")  # rather now than after minutes
     report = soundness(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sandra.evaluation.statistics import upper_bound
+from sandra.evaluation.rollouts.statistics import upper_bound
 
 
 def test_no_event() -> None:

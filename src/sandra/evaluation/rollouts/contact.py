@@ -11,9 +11,9 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from sandra.evaluation.actors import Actor
-from sandra.evaluation.ego import Drive, placed
-from sandra.evaluation.traffic import Motion
+from sandra.evaluation.rollouts.actors import Actor
+from sandra.evaluation.rollouts.ego import Drive, placed
+from sandra.evaluation.rollouts.traffic import Motion
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

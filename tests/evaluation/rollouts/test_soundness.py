@@ -11,10 +11,10 @@ import pytest
 
 from sandra.cli import main
 from sandra.errors import SettingsError
-from sandra.evaluation.cases import moved, perturbed, varied
-from sandra.evaluation.outcome import Event
-from sandra.evaluation.report import Report
-from sandra.evaluation.soundness import soundness
+from sandra.evaluation.rollouts.cases import moved, perturbed, varied
+from sandra.evaluation.rollouts.outcome import Event
+from sandra.evaluation.rollouts.report import Report
+from sandra.evaluation.rollouts.soundness import soundness
 from sandra.scenarios import example
 from sandra.scene import load
 from sandra.settings import Settings
@@ -108,6 +108,6 @@ def test_what_cannot_be_done_is_said(
     ):
         assert main(["evaluate", "soundness", *words]) == 2
         assert said in capsys.readouterr().err
-    monkeypatch.setattr("sandra.evaluation.soundness.IN_VAIN", -1)
+    monkeypatch.setattr("sandra.evaluation.rollouts.soundness.IN_VAIN", -1)
     with pytest.raises(SettingsError, match="no certificate in 1 scenes"):
         soundness([example("nothing-safe")])

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sandra.certificate import Certificate
-from sandra.evaluation.ego import Drive
-from sandra.evaluation.road import Road
+from sandra.evaluation.rollouts.ego import Drive
+from sandra.evaluation.rollouts.road import Road
 from sandra.scene.types import Obstacle, Region, Scene, State
 
 Array = NDArray[np.float64]

@@ -12,18 +12,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sandra.certificate import Certificate
-from sandra.evaluation import rules
-from sandra.evaluation.actors import FIXED, FREE, LANES, Actor, actors_of
-from sandra.evaluation.adversary import KINDS, SEARCH, Plans, improved, joined, plans
-from sandra.evaluation.blame import contacts, standing_contact
-from sandra.evaluation.contact import nearest
-from sandra.evaluation.ego import Drive, execute
-from sandra.evaluation.outcome import Event, Played
-from sandra.evaluation.referee import Breaches, judge
-from sandra.evaluation.road import Road
-from sandra.evaluation.routes import Routes, routes_of
-from sandra.evaluation.traffic import Ego, Motion, simulate
-from sandra.evaluation.walkers import wander
+from sandra.evaluation.rollouts import rules
+from sandra.evaluation.rollouts.actors import FIXED, FREE, LANES, Actor, actors_of
+from sandra.evaluation.rollouts.adversary import KINDS, SEARCH, Plans, improved, joined, plans
+from sandra.evaluation.rollouts.blame import contacts, standing_contact
+from sandra.evaluation.rollouts.contact import nearest
+from sandra.evaluation.rollouts.ego import Drive, execute
+from sandra.evaluation.rollouts.outcome import Event, Played
+from sandra.evaluation.rollouts.referee import Breaches, judge
+from sandra.evaluation.rollouts.road import Road
+from sandra.evaluation.rollouts.routes import Routes, routes_of
+from sandra.evaluation.rollouts.traffic import Ego, Motion, simulate
+from sandra.evaluation.rollouts.walkers import wander
 from sandra.scene.types import Scene
 
 Array = NDArray[np.float64]

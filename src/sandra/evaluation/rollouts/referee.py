@@ -14,10 +14,10 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from sandra.evaluation.actors import Actor
-from sandra.evaluation.ego import Drive, placed
-from sandra.evaluation.road import Road
-from sandra.evaluation.traffic import Motion
+from sandra.evaluation.rollouts.actors import Actor
+from sandra.evaluation.rollouts.ego import Drive, placed
+from sandra.evaluation.rollouts.road import Road
+from sandra.evaluation.rollouts.traffic import Motion
 from sandra.settings import Settings
 
 Array = NDArray[np.float64]

@@ -9,7 +9,10 @@ import numpy as np
 import pytest
 
 from certified import made, turning_scene
-from evaluation.rollout_scenes import (
+from prediction.referee import Road as OtherRoad
+from prediction.referee import first_breach
+from prediction.traffic import CAR, car
+from rollout_scenes import (
     LEFT,
     RIGHT,
     leader,
@@ -20,21 +23,18 @@ from evaluation.rollout_scenes import (
     with_assumptions,
     without,
 )
-from prediction.referee import Road as OtherRoad
-from prediction.referee import first_breach
-from prediction.traffic import CAR, car
 from sandra.actions import ActionPair
 from sandra.certificate import check
 from sandra.certify import Basis, Proven, certify
-from sandra.evaluation.actors import actors_of
-from sandra.evaluation.adversary import KINDS, plans
-from sandra.evaluation.ego import execute
-from sandra.evaluation.outcome import Played
-from sandra.evaluation.referee import judge
-from sandra.evaluation.road import Road
-from sandra.evaluation.rollout import play
-from sandra.evaluation.routes import routes_of
-from sandra.evaluation.traffic import Ego, simulate
+from sandra.evaluation.rollouts.actors import actors_of
+from sandra.evaluation.rollouts.adversary import KINDS, plans
+from sandra.evaluation.rollouts.ego import execute
+from sandra.evaluation.rollouts.outcome import Played
+from sandra.evaluation.rollouts.referee import judge
+from sandra.evaluation.rollouts.road import Road
+from sandra.evaluation.rollouts.rollout import play
+from sandra.evaluation.rollouts.routes import routes_of
+from sandra.evaluation.rollouts.traffic import Ego, simulate
 from sandra.prediction import predict
 from sandra.reach import ground, verify_pair
 from sandra.scene.types import Obstacle, Region, State
@@ -226,7 +226,7 @@ def test_the_ego_is_driven_by_its_inputs_not_by_what_is_claimed() -> None:
 
 
 def test_broken_rules_of_the_ego_are_named() -> None:
-    from sandra.evaluation.rules import broken
+    from sandra.evaluation.rollouts.rules import broken
 
     now = two_lanes(leader())
     c = stopping(now)

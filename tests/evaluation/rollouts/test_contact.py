@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import shapely
 
-from sandra.evaluation.contact import separation
-from sandra.evaluation.ego import rectangle
+from sandra.evaluation.rollouts.contact import separation
+from sandra.evaluation.rollouts.ego import rectangle
 
 
 def pairs(count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

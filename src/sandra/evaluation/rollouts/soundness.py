@@ -13,10 +13,10 @@ from concurrent.futures import Future, ProcessPoolExecutor
 from pathlib import Path
 
 from sandra.errors import SettingsError
-from sandra.evaluation.cases import cases
-from sandra.evaluation.report import Report, Tried
-from sandra.evaluation.road import Road
-from sandra.evaluation.rollout import play
+from sandra.evaluation.rollouts.cases import cases
+from sandra.evaluation.rollouts.report import Report, Tried
+from sandra.evaluation.rollouts.road import Road
+from sandra.evaluation.rollouts.rollout import play
 from sandra.scenarios import examples
 from sandra.settings import Settings
 

@@ -15,8 +15,8 @@ import shapely
 from numpy.typing import NDArray
 
 from sandra.certificate import Certificate
-from sandra.evaluation.ego import Drive, placed
-from sandra.evaluation.road import Road
+from sandra.evaluation.rollouts.ego import Drive, placed
+from sandra.evaluation.rollouts.road import Road
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from sandra.evaluation.actors import Actor
-from sandra.evaluation.adversary import GREEDY, RANDOM, Plans
-from sandra.evaluation.ego import Drive
-from sandra.evaluation.traffic import NEARLY, Motion
+from sandra.evaluation.rollouts.actors import Actor
+from sandra.evaluation.rollouts.adversary import GREEDY, RANDOM, Plans
+from sandra.evaluation.rollouts.ego import Drive
+from sandra.evaluation.rollouts.traffic import NEARLY, Motion
 
 Array = NDArray[np.float64]
 

@@ -8,14 +8,14 @@ from numpy.typing import NDArray
 
 from sandra.certificate import Certificate
 from sandra.certificate.types import Body
-from sandra.evaluation.actors import Actor
-from sandra.evaluation.adversary import KINDS
-from sandra.evaluation.contact import nearest
-from sandra.evaluation.ego import Drive, rectangle
-from sandra.evaluation.outcome import Event
-from sandra.evaluation.referee import Breaches, lane_state
-from sandra.evaluation.road import Road
-from sandra.evaluation.traffic import Motion
+from sandra.evaluation.rollouts.actors import Actor
+from sandra.evaluation.rollouts.adversary import KINDS
+from sandra.evaluation.rollouts.contact import nearest
+from sandra.evaluation.rollouts.ego import Drive, rectangle
+from sandra.evaluation.rollouts.outcome import Event
+from sandra.evaluation.rollouts.referee import Breaches, lane_state
+from sandra.evaluation.rollouts.road import Road
+from sandra.evaluation.rollouts.traffic import Motion
 from sandra.settings import Settings
 
 Ints = NDArray[np.int64]

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from sandra.evaluation.adversary import KINDS
-from sandra.evaluation.outcome import Played
-from sandra.evaluation.statistics import upper_bound
+from sandra.evaluation.rollouts.adversary import KINDS
+from sandra.evaluation.rollouts.outcome import Played
+from sandra.evaluation.rollouts.statistics import upper_bound
 
 
 @dataclass(frozen=True, slots=True, eq=False)

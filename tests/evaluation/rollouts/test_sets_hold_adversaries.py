@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 import shapely
 
-from evaluation.rollout_scenes import stopping, two_lanes
+from rollout_scenes import stopping, two_lanes
 from sandra.certificate.types import Participant
-from sandra.evaluation.actors import FIXED, LANES, actors_of
-from sandra.evaluation.adversary import BRAKE, CUT_IN, KINDS, plans
-from sandra.evaluation.ego import Drive, placed, rectangle
-from sandra.evaluation.referee import judge
-from sandra.evaluation.road import Road
-from sandra.evaluation.routes import routes_of
-from sandra.evaluation.traffic import Ego, Motion, simulate
-from sandra.evaluation.walkers import wander
+from sandra.evaluation.rollouts.actors import FIXED, LANES, actors_of
+from sandra.evaluation.rollouts.adversary import BRAKE, CUT_IN, KINDS, plans
+from sandra.evaluation.rollouts.ego import Drive, placed, rectangle
+from sandra.evaluation.rollouts.referee import judge
+from sandra.evaluation.rollouts.road import Road
+from sandra.evaluation.rollouts.routes import routes_of
+from sandra.evaluation.rollouts.traffic import Ego, Motion, simulate
+from sandra.evaluation.rollouts.walkers import wander
 from sandra.prediction import PredictedObstacle, predict
 from sandra.scenarios import examples
 from sandra.scene import load

@@ -13,11 +13,11 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from sandra.evaluation.actors import Actor
-from sandra.evaluation.adversary import BRAKE, CUT_IN, GREEDY, Plans
-from sandra.evaluation.ego import Drive
-from sandra.evaluation.road import Road
-from sandra.evaluation.routes import SPACING, Routes
+from sandra.evaluation.rollouts.actors import Actor
+from sandra.evaluation.rollouts.adversary import BRAKE, CUT_IN, GREEDY, Plans
+from sandra.evaluation.rollouts.ego import Drive
+from sandra.evaluation.rollouts.road import Road
+from sandra.evaluation.rollouts.routes import SPACING, Routes
 from sandra.settings import Settings
 
 Array = NDArray[np.float64]

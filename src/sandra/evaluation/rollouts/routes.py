@@ -12,9 +12,9 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from sandra.evaluation.actors import Actor
-from sandra.evaluation.ego import Drive
-from sandra.evaluation.road import Road
+from sandra.evaluation.rollouts.actors import Actor
+from sandra.evaluation.rollouts.ego import Drive
+from sandra.evaluation.rollouts.road import Road
 
 Array = NDArray[np.float64]
 
