@@ -43,6 +43,7 @@ soundness: .venv/.installed  ## many random trajectories against the reachable s
 	$(PYTHON) -m venv .venv-mutation
 	.venv-mutation/bin/python -m pip install --quiet --disable-pip-version-check --no-deps -r requirements.lock
 	.venv-mutation/bin/python -m pip install --quiet --disable-pip-version-check --no-deps -r scripts/mutation/requirements.txt
+	.venv-mutation/bin/python -m pip install --quiet --disable-pip-version-check --no-deps -e .
 	@touch $@
 
 ROOM ?=

@@ -134,7 +134,7 @@ def _fork(work: Callable[[Callable[[Any], None]], None]) -> tuple[int, int]:
     try:
         work(report)
         code = 0
-    except BaseException:  # nothing may run on into the parent's code
+    except BaseException:  # noqa: BLE001 - nothing may run on into the parent's code
         if os.environ.get("MUTATION_DEBUG"):
             traceback.print_exc()
     finally:

@@ -61,7 +61,7 @@ def mutants(root: Path, path: Path) -> list[Mutant]:
         try:
             ast.parse(source)
         except SyntaxError:
-            continue  # for instance `f(a for a in b, )`: the interpreter refuses it, no test needs to
+            continue  # the interpreter refuses it, so no test needs to
         first, last, before, after = _changed_lines(text, source)
         mutant = Mutant(
             str(path.relative_to(root)), function, kind, (first, last), before, after, source
