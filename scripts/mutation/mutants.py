@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import hashlib
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +22,8 @@ from mutmut.mutation.pragma_handling import IgnoredCode
 COMPARISON, OTHER = "comparison", "other"
 COMPARES = (cst.ComparisonTarget, cst.BaseCompOp)
 """Nodes whose mutation changes <, <=, >, >=, ==, !=, in, not in, is or is not."""
+_NO_BEHAVIOUR = re.compile(r"__all__|[A-Z]\w*[a-z]\w*")
+"""Names at the level of a module: what it exports, and aliases of types."""
 
 
 @dataclass(frozen=True)
@@ -43,6 +46,11 @@ class Mutant:
     before: str
     after: str
     source: str
+
+    @property
+    def change(self) -> str:
+        """Names the change, wherever in the file it stands."""
+        return "\n".join((self.file, self.function, self.before, self.after))
 
     @property
     def id(self) -> str:
@@ -106,7 +114,7 @@ class _Collector(MutationVisitor):
     def _skip_node_and_children(self, node: cst.CSTNode) -> bool:
         if isinstance(node, cst.FunctionDef) and node.name.value not in NEVER_MUTATE_FUNCTION_NAMES:
             return False
-        if isinstance(node, cst.Assign) and _assigns(node, "__all__"):
+        if isinstance(node, cst.Assign) and not self.scope and _assigns(node, _NO_BEHAVIOUR):
             return True
         return super()._skip_node_and_children(node)
 
@@ -169,8 +177,10 @@ def _strict(call: cst.Call) -> str:
     )
 
 
-def _assigns(node: cst.Assign, name: str) -> bool:
-    return any(isinstance(t.target, cst.Name) and t.target.value == name for t in node.targets)
+def _assigns(node: cst.Assign, names: re.Pattern[str]) -> bool:
+    return any(
+        isinstance(t.target, cst.Name) and names.fullmatch(t.target.value) for t in node.targets
+    )
 
 
 def _changed_lines(old: str, new: str) -> tuple[int, int, str, str]:

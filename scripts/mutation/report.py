@@ -70,5 +70,25 @@ def row(room: str, kind: str, s: Score) -> str:
     return f"| `{room}` | {kind} | {numbers} | {100 * s.share:.1f} %{spread} |"
 
 
+def with_rows(document: str, rows: Iterable[str]) -> str:
+    """The document with these rows in its table, in place of those of the same room and class.
+
+    Raises:
+        SystemExit: if the document has no such table.
+    """
+    if HEADER not in document:
+        raise SystemExit("mutation: the document has no table of scores")
+    before, after = document.split(HEADER)
+    lines = after.removeprefix("\n").split("\n")
+    n_rows = next((i for i, line in enumerate(lines) if not line.startswith("|")), len(lines))
+    table = {_first_cells(line): line for line in lines[:n_rows]}
+    table |= {_first_cells(line): line for line in rows}
+    return before + "\n".join([HEADER, *table.values(), *lines[n_rows:]])
+
+
+def _first_cells(line: str) -> tuple[str, ...]:
+    return tuple(line.split("|")[1:3])
+
+
 def kind_name(kind: str) -> str:
     return "comparisons" if kind == COMPARISON else "others"
