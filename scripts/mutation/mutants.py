@@ -90,8 +90,9 @@ class _Collector(MutationVisitor):
     def __init__(self, module: cst.Module) -> None:
         super().__init__(mutation_operators, IgnoredCode(set(), set(), set()))
         self.module = module
+        self.code = module.code
         self.starts = [0]
-        for line in module.code.splitlines(keepends=True):
+        for line in self.code.splitlines(keepends=True):
             self.starts.append(self.starts[-1] + len(line))
         self.scope: list[cst.CSTNode] = []
         self.text_for_people = 0
@@ -149,7 +150,7 @@ class _Collector(MutationVisitor):
 
     def _spliced(self, node: cst.CSTNode, mutated: cst.CSTNode) -> str:
         span = self.get_metadata(WhitespaceInclusivePositionProvider, node, None)
-        code = self.module.code
+        code = self.code
         if span is not None:
             begin = self.starts[span.start.line - 1] + span.start.column
             end = self.starts[span.end.line - 1] + span.end.column
