@@ -16,6 +16,7 @@ import argparse
 import hashlib
 import json
 import os
+import signal
 import sys
 import time
 from collections.abc import Iterator
@@ -23,7 +24,8 @@ from dataclasses import asdict
 from pathlib import Path
 
 from mutation import covering, harness, report, survivors
-from mutation.mutants import COMPARISON, OTHER, Mutant, mutants
+from mutation.mutant import COMPARISON, OTHER, Mutant
+from mutation.mutants import mutants
 from mutation.rooms import ROOMS, module_of, sources
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -41,13 +43,10 @@ class Room:
         self.known: dict[str, dict[str, str]] = (
             json.loads(self.known_path.read_text()) if self.known_path.exists() else {}
         )
-        self.tests = covering.fingerprint(
-            [
-                *(ROOT / "tests").glob("*.py"),
-                *(ROOT / "tests" / name).rglob("*.py"),
-                *(ROOT / "src").rglob("*.py"),
-            ]
-        )
+        helpers = [p for p in (ROOT / "tests").glob("*.py") if not p.name.startswith("test_")]
+        of_room = (ROOT / "tests" / name).rglob("*.py")
+        package = (ROOT / "src").rglob("*.py")
+        self.tests = covering.fingerprint([*helpers, *of_room, *package])
         self.covering = self._measured()
 
     def _measured(self) -> covering.Covering:
@@ -164,6 +163,8 @@ def main() -> int:
     os.chdir(ROOT)
     sys.path.insert(0, str(ROOT / "src"))  # this project, wherever the environment is from
     STORE.mkdir(exist_ok=True)
+    # Stopped by `kill`, it still keeps what it knows.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(2))
 
     entries = survivors.load(LIST)
     rows: list[str] = []

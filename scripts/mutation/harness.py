@@ -124,6 +124,7 @@ def _fork(work: Callable[[Callable[[Any], None]], None]) -> tuple[int, int]:
         os.close(write)
         return pid, read
     os.close(read)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
     def report(value: Any) -> None:
         text = json.dumps(value).encode()

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import ast
-import hashlib
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import libcst as cst
@@ -19,43 +17,12 @@ from mutmut.mutation.file_mutation import (
 from mutmut.mutation.mutators import mutation_operators
 from mutmut.mutation.pragma_handling import IgnoredCode
 
-COMPARISON, OTHER = "comparison", "other"
+from mutation.mutant import COMPARISON, OTHER, Mutant
+
 COMPARES = (cst.ComparisonTarget, cst.BaseCompOp)
 """Nodes whose mutation changes <, <=, >, >=, ==, !=, in, not in, is or is not."""
 _NO_BEHAVIOUR = re.compile(r"__all__|[A-Z]\w*[a-z]\w*")
 """Names at the level of a module: what it exports, and aliases of types."""
-
-
-@dataclass(frozen=True)
-class Mutant:
-    """One small change of one file.
-
-    Attributes:
-        file: path of the source file, from the root of the project.
-        function: dotted name of the function or class it is in; "" at the level of the module.
-        kind: COMPARISON or OTHER.
-        lines: first and last line of what is changed, from 1.
-        before, after: the changed lines, stripped and joined.
-        source: the whole changed source.
-    """
-
-    file: str
-    function: str
-    kind: str
-    lines: tuple[int, int]
-    before: str
-    after: str
-    source: str
-
-    @property
-    def change(self) -> str:
-        """Names the change, wherever in the file it stands."""
-        return "\n".join((self.file, self.function, self.before, self.after))
-
-    @property
-    def id(self) -> str:
-        """Names the mutant as long as its file stays as it is."""
-        return hashlib.sha256(f"{self.file}\n{self.source}".encode()).hexdigest()[:16]
 
 
 def mutants(root: Path, path: Path) -> list[Mutant]:

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import sqrt
 
-from mutation.mutants import COMPARISON, Mutant
+from mutation.mutant import COMPARISON, Mutant
 from mutation.survivors import EQUIVALENT, Entry, explanation
 
 Result = tuple[Mutant, str]

@@ -70,6 +70,14 @@ def test_how_wide_a_slit_of_the_map_may_be(lanes: tuple[LaneOf, ...]) -> None:
         assert set(limits(Trace.of(replace(BASE, lanelets=(above,), lanes=lanes)))) == {limit}
 
 
+def test_of_a_slit_the_own_lane_says_how_fast() -> None:
+    right = np.array([[-16.0, NEIGHBOURHOOD], [48.0, NEIGHBOURHOOD]])
+    own = Pavement(1, right + np.array([0.0, 3.0]), right, 8.0)
+    foreign = replace(own, id=2, speed_limit=3.0)
+    c = replace(BASE, lanelets=(own, foreign), lanes=(LaneOf("current", (1,)),))
+    assert set(limits(Trace.of(c))) == {8.0}
+
+
 def ahead(*cars: tuple[float, float, float]) -> float:
     """Slack at the first letter towards cars at (s, d, v), the ego at 10 m/s, 4.5 m long."""
     course = Course(step=5.0)
