@@ -235,6 +235,16 @@ def test_numbers_of_a_file_are_below_1e300() -> None:
             _count(count)
 
 
+def test_a_fail_safe_without_steps_comes_back(tmp_path: Path) -> None:
+    course = Course(step=5.0)
+    scene = course.scene(course.lanes(left=1, right=0), [], speed=0.0)
+    scene = replace(scene, ego=replace(scene.ego, wheelbase=2.6))
+    c = made(scene, "stop,follow-lane", (), stop=np.zeros((0, 2)))
+    back = file.load(file.save(c, tmp_path / "c.json"))
+    assert back.fail_safe.inputs.shape == (0, 2)
+    assert check(back).accepted
+
+
 def problems(c: Certificate, word: str) -> bool:
     """Whether a problem is told that holds a word."""
     return any(word in problem for problem in _problems(c))
@@ -267,6 +277,12 @@ def test_lines_have_two_points_and_limits_may_be_zero() -> None:
     for limit, ok in ((0.0, True), (-1e-9, False)):
         c = replace(BASE, lanelets=(replace(BASE.lanelets[0], speed_limit=limit),))
         assert problems(c, "speed limit") != ok
+
+
+def test_a_lane_may_have_all_lanelets_there_are() -> None:
+    for ids, ok in (((100, 101), True), ((100, 101, 102), False)):
+        c = replace(BASE, lanes=(LaneOf("current", ids),))
+        assert problems(c, "lanelets that are not there") != ok
 
 
 def test_settings_at_their_limits_have_a_form() -> None:
