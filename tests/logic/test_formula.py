@@ -70,6 +70,7 @@ def test_a_comparison_and_its_complement_are_one_atom():
     assert compare("a", ">=", 0.2) == Not(compare("a", "<", 0.2))
     assert compare("a", "<=", -0.0) == compare("a", "<=", 0.0)
     assert str(compare("a", "<=", -0.0)) == "a <= 0"
+    assert repr(compare("a", "<=", -0.0)) == repr(compare("a", "<=", 0.0))
 
 
 @pytest.mark.parametrize(
