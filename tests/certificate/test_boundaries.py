@@ -12,9 +12,18 @@ import numpy as np
 import pytest
 import shapely
 
-from certified import constant, made, turning_scene
+from certified import constant, drive, made, turning_scene
 from reach_scenes import Course
-from sandra.certificate import Certificate, Violation, check, collision, file, literals, place
+from sandra.certificate import (
+    Certificate,
+    Violation,
+    certificate,
+    check,
+    collision,
+    file,
+    literals,
+    place,
+)
 from sandra.certificate import timing as times
 from sandra.certificate.atoms import NEIGHBOURHOOD, Trace, decide, safe_distance_slack
 from sandra.certificate.atoms import signed_limits as limits
@@ -37,8 +46,9 @@ from sandra.certificate.reading import MOST, _count, _WrongKindError
 from sandra.certificate.reading import _number as read_number
 from sandra.certificate.types import LaneOf, Pavement
 from sandra.errors import CertificateError, FormulaError
-from sandra.logic import Predicate, parse
+from sandra.logic import Predicate, Vocabulary, parse, specification
 from sandra.planning.types import Trajectory
+from sandra.prediction import predict
 from sandra.scene.types import Region
 from sandra.settings import Assumptions, Settings
 
@@ -509,3 +519,109 @@ def test_states_may_differ_by_rounding() -> None:
 def test_braking_that_uses_every_bound_is_accepted() -> None:
     c = made(inputs=constant(0.0, 30), settings=Settings(v_max=10.0, a_lon_min=-5.0))
     assert check(c).accepted
+
+
+# What a violation tells
+
+
+def test_a_collision_is_told_with_its_time() -> None:
+    """An obstacle where the ego is at 1 s, in the prediction of one trajectory or of all."""
+    wall = Region(np.array([[9.0, -1.0], [10.0, -1.0], [10.0, 1.0], [9.0, 1.0]]))
+    other = BASE.obstacles[0]
+    for kind, begin, condition in (
+        ("likely", 0.0, "witness-collision"),
+        ("possible", BASE.t_dec, "set-based-collision"),
+    ):
+        steps = list(getattr(other, kind))
+        steps[10] = (*steps[10], wall)
+        c = replace(BASE, obstacles=(replace(other, **{kind: tuple(steps)}),))
+        violation = check(c).violation
+        assert violation is not None
+        assert (violation.condition, violation.allowed) == (condition, 0.0)
+        assert violation.step is not None
+        assert violation.time == pytest.approx(1.0)
+        assert violation.time == pytest.approx(begin + violation.step * 0.05)
+        assert violation.measured is not None
+        assert violation.measured < 0.0
+
+
+def test_a_prediction_that_is_too_short_is_told_with_its_length() -> None:
+    other = BASE.obstacles[1]
+    short = replace(other, possible=other.possible[:12])
+    violation = check(replace(BASE, obstacles=(BASE.obstacles[0], short))).violation
+    assert violation is not None
+    assert (violation.step, violation.measured, violation.allowed) == (12, 12.0, 21.0)
+    assert violation.time == pytest.approx(1.2)
+
+
+def test_a_step_that_the_model_does_not_lead_to_is_told() -> None:
+    for name, begin in (("witness", 0.0), ("fail_safe", BASE.t_dec)):
+        t = getattr(BASE, name)
+        states = t.states.copy()
+        states[8:, 1] += 0.25
+        violation = motion(replace(BASE, **{name: replace(t, states=states)}))
+        assert isinstance(violation, Violation)
+        assert violation.step == 7
+        assert violation.time == pytest.approx(begin + 8 * 0.05)
+        assert violation.measured == pytest.approx(0.25)
+        assert violation.allowed == 1e-6
+
+
+def test_what_has_no_form_is_named() -> None:
+    t = BASE.witness
+    c = replace(BASE, witness=replace(t, states=t.states[:-1]))
+    assert problems(c, "witness.states is no (31, 5) array")
+    assert problems(replace(c, witness=replace(t, inputs=t.states)), "witness.inputs is no (n, 2)")
+    other = BASE.obstacles[0]
+    short = replace(other, states=other.states[:-1])
+    assert problems(replace(BASE, obstacles=(short,)), "obstacle 7: its states are no (16, 5)")
+
+
+# What the builder keeps
+
+
+def test_nothing_is_said_about_what_comes_after_the_fail_safe() -> None:
+    scene = turning_scene()
+    spec = specification(BASE.pair, (), Settings(), dt=0.1)
+    likely = predict(scene, "most-likely", BASE.horizon)
+    longer = predict(scene, "set-based", 30)
+    c = certificate(scene, spec, (), likely, longer, BASE.witness, 0.1, BASE.fail_safe, Settings())
+    # It stands after 2.1 s.
+    assert [len(o.possible) for o in c.obstacles] == [21, 21]
+    assert check(c).accepted
+
+
+def test_own_words_are_kept_by_kind() -> None:
+    words = Vocabulary.default()
+    own = Vocabulary({**words.actions}, {**words.rules, "slow": "G(v <= 30)"}, words.predicates, {})
+    c = made(vocabulary=own)
+    assert c.vocabulary is not None
+    assert c.vocabulary == {
+        "actions": own.actions,
+        "rules": own.rules,
+        "predicates": own.predicates,
+    }
+    assert check(c).accepted
+
+
+# The sweep
+
+
+def test_the_margin_of_a_step_is_its_own() -> None:
+    rng = np.random.default_rng(5)
+    inputs = np.column_stack([rng.uniform(-3, 3, 20), rng.uniform(-0.4, 0.4, 20)])
+    t = drive([0.0, 0.0, 0.3, 9.0, 0.1], inputs)
+    margins = sweep(t, BASE.ego).margins
+    for i in range(20):
+        alone = Trajectory(t.states[i : i + 2], t.inputs[i : i + 1], t.tau)
+        assert sweep(alone, BASE.ego).margins[0] == margins[i]
+
+
+def test_the_margin_of_going_straight_on_is_rounding() -> None:
+    """A millionth of a metre each way, and the far corner turned by a ten-millionth."""
+    corner = math.hypot(BASE.ego.length, BASE.ego.width) / 2
+    expected = math.hypot(1e-6, 1e-6) + corner * 1e-7
+    assert sweep(BASE.witness, BASE.ego).margins == pytest.approx(expected, rel=1e-9)
+    # Braking at 5 m/s^2 adds 5 tau^2 / 8.
+    braking = sweep(BASE.fail_safe, BASE.ego).margins
+    assert braking == pytest.approx(expected + 5 * 0.05**2 / 8, rel=1e-6)

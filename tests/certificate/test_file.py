@@ -129,6 +129,11 @@ def test_a_missing_file_and_broken_gzip_are_refused(tmp_path: Path) -> None:
             load(path)
 
 
+def test_why_a_file_cannot_be_read_is_told(tmp_path: Path) -> None:
+    with pytest.raises(CertificateError, match=r"cannot be read \(No such file or directory\)"):
+        load(tmp_path / "none.json")
+
+
 def test_a_huge_file_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert LARGEST_FILE > 1 << 20
     monkeypatch.setattr("sandra.certificate.file.LARGEST_FILE", 100)
