@@ -198,7 +198,10 @@ def test_needed_parameters_must_be_there_others_need_not() -> None:
     lean = json.loads(TEXT)
     del lean["settings"]["cell_s"]
     assert check(from_json(lean)).accepted
-    for name in ("a_lon_max", "t_d", "assumptions"):
+    bounds = "a_lon_min a_lon_max a_lat_max v_max steering_angle_max steering_rate_max"
+    of_rules = "a_lim v_err t_d a_min a_obs_min cut_in_exception t_c"
+    limits = "a_abrupt v_fov v_braking v_type"
+    for name in f"{bounds} {of_rules} {limits} assumptions".split():
         less = json.loads(TEXT)
         del less["settings"][name]
         with pytest.raises(CertificateError, match=f"lacks '{name}'"):
