@@ -194,6 +194,33 @@ def test_each_wrong_entry_is_named(path: tuple[str | int, ...], value: Any, matc
         from_json(put(path, value))
 
 
+@pytest.mark.parametrize(
+    ("path", "name"),
+    [
+        (("note",), "certificate"),
+        (("ego", "width"), "ego"),
+        (("lanes", 0, "relation"), "lanes"),
+        (("lanelets", 0, "left"), "lanelets"),
+        (("conflicts", 0, "left"), "lanelets"),
+        (("obstacles", 0, "kind"), "obstacles"),
+        (("obstacles", 0, "outline", "radius"), "region"),
+        (("obstacles", 0, "likely", "radii"), "occupancies"),
+        (("witness", "tau"), "trajectory"),
+        (("settings", "t_d"), "settings"),
+        (("settings", "assumptions", "max_speed"), "assumptions"),
+    ],
+)
+def test_where_a_key_is_missing_is_told(path: tuple[str | int, ...], name: str) -> None:
+    tree = json.loads(TEXT)
+    tree["conflicts"] = tree["conflicts"] or tree["lanelets"]
+    place = tree
+    for key in path[:-1]:
+        place = place[key]
+    del place[path[-1]]
+    with pytest.raises(CertificateError, match=f"'{name}' lacks '{path[-1]}'"):
+        from_json(tree)
+
+
 def test_needed_parameters_must_be_there_others_need_not() -> None:
     lean = json.loads(TEXT)
     del lean["settings"]["cell_s"]
