@@ -625,3 +625,17 @@ def test_the_margin_of_going_straight_on_is_rounding() -> None:
     # Braking at 5 m/s^2 adds 5 tau^2 / 8.
     braking = sweep(BASE.fail_safe, BASE.ego).margins
     assert braking == pytest.approx(expected + 5 * 0.05**2 / 8, rel=1e-6)
+
+
+def test_another_first_state_is_told_with_both_values() -> None:
+    elsewhere = BASE.initial + np.array([0.0, 0.5, 0.0, 0.0, 0.0])
+    violation = times.initial_state(replace(BASE, initial=elsewhere))
+    assert isinstance(violation, Violation)
+    assert (violation.step, violation.time) == (0, 0.0)
+    assert (violation.measured, violation.allowed) == (0.0, 0.5)
+    assert violation.sentence.startswith("the witness's first state has y 0.000000 m at 0.00 s")
+    later = replace(BASE.fail_safe, states=BASE.fail_safe.states + elsewhere)
+    violation = times.continuity(replace(BASE, fail_safe=later))
+    assert isinstance(violation, Violation)
+    assert (violation.step, violation.time) == (0, BASE.t_dec)
+    assert violation.sentence.startswith("the fail-safe's first state has speed 20.000000 m/s")
