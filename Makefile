@@ -54,6 +54,7 @@ bench: .venv/.installed  ## what a decision costs, stage by stage
 	$(PYTHON) -m venv .venv-mutation
 	.venv-mutation/bin/python -m pip install --quiet --disable-pip-version-check --no-deps -r requirements.lock
 	.venv-mutation/bin/python -m pip install --quiet --disable-pip-version-check --no-deps -r scripts/mutation/requirements.txt
+	.venv-mutation/bin/python -m pip install --quiet --disable-pip-version-check --no-deps -e .
 	@touch $@
 
 ROOM ?=

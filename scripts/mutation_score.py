@@ -13,22 +13,22 @@ not explain. docs/mutation.md says how to read the numbers.
 from __future__ import annotations
 
 import argparse
+import hashlib
 import json
 import os
-import random
+import signal
 import sys
 import time
 from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 
+from mutation import covering, harness, report, survivors
+from mutation.mutant import COMPARISON, OTHER, Mutant
+from mutation.mutants import mutants
+from mutation.rooms import ROOMS, module_of, sources
+
 ROOT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(ROOT / "scripts"), str(ROOT / "src")]
-
-from mutation import covering, harness, report, survivors  # noqa: E402
-from mutation.mutants import COMPARISON, OTHER, Mutant, mutants  # noqa: E402
-from mutation.rooms import ROOMS, module_of, sources  # noqa: E402
-
 STORE = ROOT / ".mutation"
 LIST = ROOT / "tests" / "mutation.toml"
 
@@ -43,13 +43,10 @@ class Room:
         self.known: dict[str, dict[str, str]] = (
             json.loads(self.known_path.read_text()) if self.known_path.exists() else {}
         )
-        self.tests = covering.fingerprint(
-            [
-                *(ROOT / "tests").glob("*.py"),
-                *(ROOT / "tests" / name).rglob("*.py"),
-                *(ROOT / "src").rglob("*.py"),
-            ]
-        )
+        helpers = [p for p in (ROOT / "tests").glob("*.py") if not p.name.startswith("test_")]
+        of_room = (ROOT / "tests" / name).rglob("*.py")
+        package = (ROOT / "src").rglob("*.py")
+        self.tests = covering.fingerprint([*helpers, *of_room, *package])
         self.covering = self._measured()
 
     def _measured(self) -> covering.Covering:
@@ -63,12 +60,14 @@ class Room:
     def chosen(self) -> list[Mutant]:
         """All comparisons, and a random sample of the others, within the named files."""
         named = [m for m in self.mutants if self._named(m)]
-        others = sorted((m for m in named if m.kind == OTHER), key=lambda m: m.id)
+        others = sorted((m for m in named if m.kind == OTHER), key=self._draw)
         sample = self.options.sample
-        if sample != "all" and int(sample) < len(others):
-            others = random.Random(self.options.seed).sample(others, int(sample))
-        keep = {m.id for m in others}
+        keep = {m.id for m in (others if sample == "all" else others[: int(sample)])}
         return [m for m in named if m.kind == COMPARISON or m.id in keep]
+
+    def _draw(self, mutant: Mutant) -> str:
+        """A random number that stays the same when something else in the file changes."""
+        return hashlib.sha256(f"{self.options.seed} {mutant.change}".encode()).hexdigest()
 
     def _named(self, mutant: Mutant) -> bool:
         wanted = self.options.only
@@ -132,7 +131,7 @@ class Room:
 
 def _made(path: Path) -> list[Mutant]:
     """The mutants of a file; making them takes a while, so they are kept."""
-    key = covering.fingerprint([path, *(ROOT / "scripts" / "mutation").glob("*.py")])
+    key = covering.fingerprint([path, ROOT / "scripts" / "mutation" / "mutants.py"])
     kept = STORE / "mutants" / f"{path.parent.name}.{path.stem}.{key}.json"
     if not kept.exists():
         kept.parent.mkdir(parents=True, exist_ok=True)
@@ -162,10 +161,15 @@ def main() -> int:
     parser.add_argument("--table", type=Path, help="write the table into this document")
     options = parser.parse_args()
     os.chdir(ROOT)
+    sys.path.insert(0, str(ROOT / "src"))  # this project, wherever the environment is from
     STORE.mkdir(exist_ok=True)
+    # Stopped by `kill`, it still keeps what it knows.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(2))
 
     entries = survivors.load(LIST)
-    lines, unexplained, used = [report.HEADER], [], set()
+    rows: list[str] = []
+    unexplained: list[report.Result] = []
+    used: set[survivors.Entry] = set()
     for name in options.rooms or list(ROOMS):
         room = Room(name, options)
         results = room.run()
@@ -173,7 +177,7 @@ def main() -> int:
             of_kind = [(m, s) for m, s in results if m.kind == kind]
             total = sum(m.kind == kind for m in room.mutants if room._named(m))
             s = report.score(total, of_kind, entries)
-            lines.append(report.row(name, report.kind_name(kind), s))
+            rows.append(report.row(name, report.kind_name(kind), s))
         for mutant, status in results:
             entry = survivors.explanation(mutant, entries)
             if status not in report.DEAD and entry is None:
@@ -189,7 +193,9 @@ def main() -> int:
                     print(f"stale entry, no such mutant: {key}")
                 elif present.get(key) in report.DEAD:
                     print(f"stale entry, it is killed: {key}")
-    print("\n" + "\n".join(lines))
+    print("\n" + "\n".join([report.HEADER, *rows]))
+    if options.table:
+        options.table.write_text(report.with_rows(options.table.read_text("utf-8"), rows), "utf-8")
     if unexplained:
         print(f"\n{len(unexplained)} unexplained:")
         for mutant, status in unexplained:

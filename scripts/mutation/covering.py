@@ -7,8 +7,9 @@ import gc
 import hashlib
 import json
 import os
+import time
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Generator, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,7 +25,7 @@ class Covering:
     """What the unchanged tests do.
 
     Attributes:
-        seconds: test id -> duration in s.
+        seconds: test id -> processor time in s.
         tests: file -> line -> tests that run it; "" stands for the import.
         foreign: modules of other projects that the tests load.
     """
@@ -103,7 +104,7 @@ class _Watch:
     """Durations; and empty caches before each test, so that each shows all that it needs."""
 
     def __init__(self) -> None:
-        self.seconds: dict[str, float] = defaultdict(float)
+        self.seconds: dict[str, float] = {}
         self.caches: list[Any] = []
 
     def pytest_collection_finish(self) -> None:
@@ -114,14 +115,15 @@ class _Watch:
             and thing.__module__.startswith("sandra")
         ]
 
-    @pytest.hookimpl(tryfirst=True)
-    def pytest_runtest_protocol(self) -> None:
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_protocol(self, item: pytest.Item) -> Generator[None, object, object]:
         for cache in self.caches:
             cache.cache_clear()
-
-    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
-        if not report.skipped:
-            self.seconds[report.nodeid] += report.duration
+        begin = time.process_time()
+        try:
+            return (yield)
+        finally:
+            self.seconds[item.nodeid] = time.process_time() - begin
 
 
 def save(covering: Covering, path: Path) -> None:

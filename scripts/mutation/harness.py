@@ -124,6 +124,7 @@ def _fork(work: Callable[[Callable[[Any], None]], None]) -> tuple[int, int]:
         os.close(write)
         return pid, read
     os.close(read)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
     def report(value: Any) -> None:
         text = json.dumps(value).encode()
@@ -134,7 +135,7 @@ def _fork(work: Callable[[Callable[[Any], None]], None]) -> tuple[int, int]:
     try:
         work(report)
         code = 0
-    except BaseException:  # noqa: BLE001  nothing may run on into the parent's code
+    except BaseException:  # noqa: BLE001 - nothing may run on into the parent's code
         if os.environ.get("MUTATION_DEBUG"):
             traceback.print_exc()
     finally:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import ast
-import hashlib
+import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import libcst as cst
@@ -18,36 +17,12 @@ from mutmut.mutation.file_mutation import (
 from mutmut.mutation.mutators import mutation_operators
 from mutmut.mutation.pragma_handling import IgnoredCode
 
-COMPARISON, OTHER = "comparison", "other"
+from mutation.mutant import COMPARISON, OTHER, Mutant
+
 COMPARES = (cst.ComparisonTarget, cst.BaseCompOp)
 """Nodes whose mutation changes <, <=, >, >=, ==, !=, in, not in, is or is not."""
-
-
-@dataclass(frozen=True)
-class Mutant:
-    """One small change of one file.
-
-    Attributes:
-        file: path of the source file, from the root of the project.
-        function: dotted name of the function or class it is in; "" at the level of the module.
-        kind: COMPARISON or OTHER.
-        lines: first and last line of what is changed, from 1.
-        before, after: the changed lines, stripped and joined.
-        source: the whole changed source.
-    """
-
-    file: str
-    function: str
-    kind: str
-    lines: tuple[int, int]
-    before: str
-    after: str
-    source: str
-
-    @property
-    def id(self) -> str:
-        """Names the mutant as long as its file stays as it is."""
-        return hashlib.sha256(f"{self.file}\n{self.source}".encode()).hexdigest()[:16]
+_NO_BEHAVIOUR = re.compile(r"__all__|[A-Z]\w*[a-z]\w*")
+"""Names at the level of a module: what it exports, and aliases of types."""
 
 
 def mutants(root: Path, path: Path) -> list[Mutant]:
@@ -61,7 +36,7 @@ def mutants(root: Path, path: Path) -> list[Mutant]:
         try:
             ast.parse(source)
         except SyntaxError:
-            continue  # such as `f(a for a in b, )`: the interpreter refuses it, no test needs to
+            continue  # the interpreter refuses it, so no test needs to
         first, last, before, after = _changed_lines(text, source)
         mutant = Mutant(
             str(path.relative_to(root)), function, kind, (first, last), before, after, source
@@ -82,8 +57,9 @@ class _Collector(MutationVisitor):
     def __init__(self, module: cst.Module) -> None:
         super().__init__(mutation_operators, IgnoredCode(set(), set(), set()))
         self.module = module
+        self.code = module.code
         self.starts = [0]
-        for line in module.code.splitlines(keepends=True):
+        for line in self.code.splitlines(keepends=True):
             self.starts.append(self.starts[-1] + len(line))
         self.scope: list[cst.CSTNode] = []
         self.text_for_people = 0
@@ -106,7 +82,7 @@ class _Collector(MutationVisitor):
     def _skip_node_and_children(self, node: cst.CSTNode) -> bool:
         if isinstance(node, cst.FunctionDef) and node.name.value not in NEVER_MUTATE_FUNCTION_NAMES:
             return False
-        if isinstance(node, cst.Assign) and _assigns(node, "__all__"):
+        if isinstance(node, cst.Assign) and not self.scope and _assigns(node, _NO_BEHAVIOUR):
             return True
         return super()._skip_node_and_children(node)
 
@@ -141,7 +117,7 @@ class _Collector(MutationVisitor):
 
     def _spliced(self, node: cst.CSTNode, mutated: cst.CSTNode) -> str:
         span = self.get_metadata(WhitespaceInclusivePositionProvider, node, None)
-        code = self.module.code
+        code = self.code
         if span is not None:
             begin = self.starts[span.start.line - 1] + span.start.column
             end = self.starts[span.end.line - 1] + span.end.column
@@ -169,8 +145,10 @@ def _strict(call: cst.Call) -> str:
     )
 
 
-def _assigns(node: cst.Assign, name: str) -> bool:
-    return any(isinstance(t.target, cst.Name) and t.target.value == name for t in node.targets)
+def _assigns(node: cst.Assign, names: re.Pattern[str]) -> bool:
+    return any(
+        isinstance(t.target, cst.Name) and names.fullmatch(t.target.value) for t in node.targets
+    )
 
 
 def _changed_lines(old: str, new: str) -> tuple[int, int, str, str]:

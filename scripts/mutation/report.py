@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import sqrt
 
-from mutation.mutants import COMPARISON, Mutant
+from mutation.mutant import COMPARISON, Mutant
 from mutation.survivors import EQUIVALENT, Entry, explanation
 
 Result = tuple[Mutant, str]
@@ -68,6 +68,26 @@ def row(room: str, kind: str, s: Score) -> str:
     cells = (s.all, s.run, s.killed, s.equivalent, s.accepted, s.unexplained)
     numbers = " | ".join(str(cell) for cell in cells)
     return f"| `{room}` | {kind} | {numbers} | {100 * s.share:.1f} %{spread} |"
+
+
+def with_rows(document: str, rows: Iterable[str]) -> str:
+    """The document with these rows in its table, in place of those of the same room and class.
+
+    Raises:
+        SystemExit: if the document has no such table.
+    """
+    if HEADER not in document:
+        raise SystemExit("mutation: the document has no table of scores")
+    before, after = document.split(HEADER)
+    lines = after.removeprefix("\n").split("\n")
+    n_rows = next((i for i, line in enumerate(lines) if not line.startswith("|")), len(lines))
+    table = {_first_cells(line): line for line in lines[:n_rows]}
+    table |= {_first_cells(line): line for line in rows}
+    return before + "\n".join([HEADER, *table.values(), *lines[n_rows:]])
+
+
+def _first_cells(line: str) -> tuple[str, ...]:
+    return tuple(line.split("|")[1:3])
 
 
 def kind_name(kind: str) -> str:

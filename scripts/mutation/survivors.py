@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from mutation.mutants import Mutant
+from mutation.mutant import Mutant
 
 EQUIVALENT, ACCEPTED = "equivalent", "accepted"
 

@@ -129,6 +129,11 @@ def test_a_missing_file_and_broken_gzip_are_refused(tmp_path: Path) -> None:
             load(path)
 
 
+def test_why_a_file_cannot_be_read_is_told(tmp_path: Path) -> None:
+    with pytest.raises(CertificateError, match=r"cannot be read \(No such file or directory\)"):
+        load(tmp_path / "none.json")
+
+
 def test_a_huge_file_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert LARGEST_FILE > 1 << 20
     monkeypatch.setattr("sandra.certificate.file.LARGEST_FILE", 100)
@@ -189,11 +194,41 @@ def test_each_wrong_entry_is_named(path: tuple[str | int, ...], value: Any, matc
         from_json(put(path, value))
 
 
+@pytest.mark.parametrize(
+    ("path", "name"),
+    [
+        (("note",), "certificate"),
+        (("ego", "width"), "ego"),
+        (("lanes", 0, "relation"), "lanes"),
+        (("lanelets", 0, "left"), "lanelets"),
+        (("conflicts", 0, "left"), "lanelets"),
+        (("obstacles", 0, "kind"), "obstacles"),
+        (("obstacles", 0, "outline", "radius"), "region"),
+        (("obstacles", 0, "likely", "radii"), "occupancies"),
+        (("witness", "tau"), "trajectory"),
+        (("settings", "t_d"), "settings"),
+        (("settings", "assumptions", "max_speed"), "assumptions"),
+    ],
+)
+def test_where_a_key_is_missing_is_told(path: tuple[str | int, ...], name: str) -> None:
+    tree = json.loads(TEXT)
+    tree["conflicts"] = tree["conflicts"] or tree["lanelets"]
+    place = tree
+    for key in path[:-1]:
+        place = place[key]
+    del place[path[-1]]
+    with pytest.raises(CertificateError, match=f"'{name}' lacks '{path[-1]}'"):
+        from_json(tree)
+
+
 def test_needed_parameters_must_be_there_others_need_not() -> None:
     lean = json.loads(TEXT)
     del lean["settings"]["cell_s"]
     assert check(from_json(lean)).accepted
-    for name in ("a_lon_max", "t_d", "assumptions"):
+    bounds = "a_lon_min a_lon_max a_lat_max v_max steering_angle_max steering_rate_max"
+    of_rules = "a_lim v_err t_d a_min a_obs_min cut_in_exception t_c"
+    limits = "a_abrupt v_fov v_braking v_type"
+    for name in f"{bounds} {of_rules} {limits} assumptions".split():
         less = json.loads(TEXT)
         del less["settings"][name]
         with pytest.raises(CertificateError, match=f"lacks '{name}'"):

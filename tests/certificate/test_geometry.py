@@ -175,6 +175,16 @@ def test_a_lanelet_whose_borders_cross_keeps_both_parts() -> None:
     assert shapely.is_empty(outline(flat))
 
 
+def test_a_spike_of_a_crossed_lanelet_is_no_road() -> None:
+    right = np.array([[0, 0], [4, 4], [6, 4], [8, 4], [6, 4]], dtype=float)
+    left = np.array([[0, 4], [4, 0], [6, 0]], dtype=float)
+    area = outline(Pavement(1, left, right, None))
+    # A triangle of 4 m^2, and one with a rectangle of 2 m by 4 m beside it; the spike has none.
+    assert area.geom_type == "MultiPolygon"
+    assert shapely.area(area) == pytest.approx(4 + 4 + 8)
+    assert shapely.total_bounds(area).tolist() == [0.0, 0.0, 6.0, 4.0]
+
+
 def test_nobody_is_infinitely_far() -> None:
     still = np.zeros((2, 5))
     swept = sweep(Trajectory(still, np.zeros((1, 2)), 0.05), BODY)

@@ -239,9 +239,12 @@ def test_who_appears_in_the_lane_has_not_cut_in() -> None:
     assert found.tolist() == [k >= 4 for k in range(HORIZON + 1)]
 
 
-def test_pedestrians_precede_nobody() -> None:
+@pytest.mark.parametrize(
+    "kind", ["pedestrian", "trafficIsland", "building", "pillar", "median_strip"]
+)
+def test_who_is_not_in_traffic_precedes_nobody(kind: str) -> None:
     c = made()
-    walker = replace(c.obstacles[0], kind="pedestrian")
+    walker = replace(c.obstacles[0], kind=kind)
     found = safe_distance_slack(Trace.of(replace(c, obstacles=(walker,))))
     assert np.isinf(found).all()
 

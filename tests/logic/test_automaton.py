@@ -4,7 +4,7 @@ import random
 import pytest
 
 from logic.random_formulas import PREDICATES, VALUES, random_formula
-from sandra.logic.automaton import Cube
+from sandra.logic.automaton import Cube, Dfa, Edge
 from sandra.logic.evaluate import evaluate, letter
 from sandra.logic.formula import Comparison, Predicate
 from sandra.logic.parser import parse
@@ -214,3 +214,36 @@ def test_a_picture_names_the_literals():
     assert dot.count("doublecircle") == 1
     assert dot.startswith("digraph")
     assert dot.endswith("}")
+
+
+def test_a_cube_is_described_by_its_literals_alone():
+    dfa = translate(parse("G(in_lane(left) & in_lane(right) & a > 0.2)"))
+    assert [str(atom) for atom in dfa.atoms] == ["in_lane(left)", "in_lane(right)", "a <= 0.2"]
+    cube = Cube(true=frozenset({1}), false=frozenset({2}))
+    assert dfa.describe(cube) == "in_lane(right) & a > 0.2"
+    assert dfa.describe(Cube(true=frozenset(), false=frozenset({0}))) == "!in_lane(left)"
+    assert dfa.describe(Cube(frozenset(), frozenset())) == "true"
+
+
+def test_the_picture_of_an_automaton_in_full():
+    assert translate(parse("F in_lane(left)")).to_dot().splitlines() == [
+        "digraph dfa {",
+        "  rankdir=LR;",
+        '  start [shape=point, label=""];',
+        "  0 [shape=circle];",
+        "  1 [shape=doublecircle];",
+        "  start -> 0;",
+        '  0 -> 0 [label="!in_lane(left)"];',
+        '  0 -> 1 [label="in_lane(left)"];',
+        '  1 -> 1 [label="true"];',
+        "}",
+    ]
+
+
+def test_an_automaton_with_a_gap_does_not_go_on():
+    """Made by hand: the translation leaves no gaps."""
+    edge = Edge(0, (Cube(frozenset({0}), frozenset()),))
+    dfa = Dfa((LEFT,), n_states=1, initial=0, accepting=frozenset({0}), edges=((edge,),))
+    assert dfa.accepts([{LEFT}])
+    with pytest.raises(ValueError, match="no edge for the letter 0"):
+        dfa.accepts([set()])

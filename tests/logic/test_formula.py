@@ -70,6 +70,24 @@ def test_a_comparison_and_its_complement_are_one_atom():
     assert compare("a", ">=", 0.2) == Not(compare("a", "<", 0.2))
     assert compare("a", "<=", -0.0) == compare("a", "<=", 0.0)
     assert str(compare("a", "<=", -0.0)) == "a <= 0"
+    assert repr(compare("a", "<=", -0.0)) == repr(compare("a", "<=", 0.0))
+
+
+@pytest.mark.parametrize(
+    ("bound", "text"),
+    [
+        (2.0, "2"),
+        (-0.5, "-0.5"),
+        (1e16 - 2, "9999999999999998"),
+        (1e16, "1e+16"),
+        (-1e16, "-1e+16"),
+        (1.5e-7, "1.5e-07"),
+    ],
+)
+def test_bounds_are_written_without_needless_digits(bound, text):
+    formula = Comparison("v", "<=", bound)
+    assert str(formula) == f"v <= {text}"
+    assert parse(str(formula)) == formula
 
 
 @pytest.mark.parametrize(
@@ -141,6 +159,22 @@ def test_simplify_folds_constants():
     assert simplify(Globally(Implies(P, FALSE))) == Globally(Not(P))
     assert simplify(Globally(And(P, TRUE))) == Globally(P)
     assert simplify(Globally(Implies(P, TRUE))) == TRUE
+
+
+@pytest.mark.parametrize(
+    ("formula", "simple"),
+    [
+        # There is no next step with `false`, and none without `true`.
+        (Next(FALSE), FALSE),
+        (WeakNext(TRUE), TRUE),
+        (Globally(TRUE, 1, 2), TRUE),
+        (Finally(FALSE, 1, 2), FALSE),
+        (Globally(FALSE, 0, 2), FALSE),
+        (Finally(TRUE, 0, 2), TRUE),
+    ],
+)
+def test_simplify_folds_constants_in_time(formula, simple):
+    assert simplify(formula) == simple
 
 
 @pytest.mark.parametrize("formula", [Next(TRUE), WeakNext(FALSE), Finally(TRUE, 1, 2)])

@@ -5,6 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sandra.errors import FormulaError
+from sandra.logic import parser
 from sandra.logic.formula import (
     And,
     Comparison,
@@ -21,7 +22,8 @@ from sandra.logic.formula import (
     WeakNext,
     WeakUntil,
 )
-from sandra.logic.parser import parse
+from sandra.logic.parser import check_definition_name, parse
+from sandra.logic.tokens import excerpt, tokens_of
 
 L, C, R = (Predicate("in_lane", side) for side in ("left", "current", "right"))
 PARAMETERS = {"a_lim": 0.2, "v_err": 0.1, "v_type": math.inf}
@@ -68,6 +70,7 @@ def read(text):
         ("¬lft ∧ cur ∨ rgt → cur ↔ lft", Iff(Implies(Or(And(Not(L), C), R), C), L)),
         ("v ≤ 3", Comparison("v", "<=", 3.0)),
         ("v ≥ 3", Not(Comparison("v", "<", 3.0))),
+        ("v <= +3 - -1", Comparison("v", "<=", 4.0)),
         ("in_lanelet(0012)", Predicate("in_lanelet", "12")),
         ("a > a_lim", Not(Comparison("a", "<=", 0.2))),
         ("a < -a_lim", Comparison("a", "<", -0.2)),
@@ -119,18 +122,19 @@ def test_an_infinite_parameter_demands_nothing():
         ("v = 3", "unexpected '='"),
         ("v", "expected one of < <= > >=, found the end"),
         ("v <=", "expected a number, found the end"),
+        ("v <= & 3 < v", "expected a number, found '&' at column 6"),
         ("0 <= v <= 3", "unexpected '<='"),
         ("v <= a", "a state variable can only be compared with numbers and parameters"),
         ("v <= a_lm", "unknown parameter 'a_lm' (did you mean 'a_lim'?) at column 6"),
         ("v <= 1/0", "division by zero at column 8"),
-        ("v <= inf - inf", "not a number"),
+        ("cur & v <= inf - inf", "something that is not a number at column 20"),
         ("3 < 4", "'4' is no state variable (choose from a, v, s, d)"),
         ("3 < w", "'w' is no state variable"),
         ("|w| < 3", "'w' is no state variable"),
         ("|a < 3", "expected '|', found '<'"),
         ("w <= 3", "unknown name 'w'"),
         ("in_lan(left)", "unknown name 'in_lan' (did you mean 'in_lane'?) at column 1"),
-        ("in_lane(up)", "'in_lane' takes current or left or right or opposite, not 'up'"),
+        ("in_lane(up)", "takes current or left or right or opposite, not 'up' at column 9"),
         ("in_lane", "'in_lane' needs an argument"),
         ("in_lane(left", "expected ')'"),
         ("in_lane(3)", "'in_lane' takes"),
@@ -142,9 +146,11 @@ def test_an_infinite_parameter_demands_nothing():
         ("in_standstill(7)", "unexpected '('"),
         ("G[3,2] lft", "no step lies within the interval at column 2"),
         ("G[0.12s,0.18s] lft", "no step lies within the interval"),
-        ("G[1.5,2] lft", "'1.5' is no number of steps: for seconds write '1.5s'"),
-        ("G[-1,2] lft", "expected a number of steps or seconds, found '-'"),
-        ("G[inf,inf] lft", "cannot begin at inf"),
+        ("G[1.5,2] lft", "'1.5' is no number of steps: for seconds write '1.5s' at column 3"),
+        ("G[-1,2] lft", "expected a number of steps or seconds, found '-' at column 3"),
+        ("G[0,1e308s] lft", "'1e308s' is too long: for no limit write 'inf' at column 5"),
+        ("G[0,1e999s] lft", "'1e999s' is too long"),
+        ("G[inf,inf] lft", "cannot begin at inf at column 2"),
         ("G[1 2] lft", "expected ',', found '2'"),
         ("X[1,2] lft", "expected a formula, found '['"),
         ("round", "'round' is defined by itself"),
@@ -169,7 +175,7 @@ def test_columns_count_in_the_line_that_is_shown():
 
 
 def test_seconds_need_the_duration_of_a_step():
-    with pytest.raises(FormulaError, match="need the duration of a step"):
+    with pytest.raises(FormulaError, match="need the duration of a step: use steps at column 3"):
         parse("G[0s,1s] in_lane(left)")
     assert parse("G[0,1s] in_lane(left)", dt=0.04) == Globally(L, 0, 25)
 
@@ -187,7 +193,70 @@ def test_definitions_cannot_blow_up():
         parse("p39", definitions=definitions)
 
 
-@given(st.integers(0, 500), st.sampled_from((0.04, 0.1, 0.2, 1 / 3)))
+def test_the_limit_of_definitions_itself_is_allowed(monkeypatch):
+    monkeypatch.setattr(parser, "MAX_REPLACED", 3)
+    definitions = {"p": "in_lane(left)", "q": "p"}
+    assert parse("p & q", definitions=definitions) == And(L, L)
+    with pytest.raises(FormulaError, match="more than 3 defined predicates to replace at column 1"):
+        parse("q & q", definitions=definitions)
+
+
+def test_the_limit_of_words_itself_is_allowed():
+    assert len(tokens_of("v " * 1000)) == 1001
+    with pytest.raises(FormulaError, match="more than 1000 words"):
+        tokens_of("v " * 1001)
+
+
+def test_every_operator_has_its_column():
+    assert [(t.text, t.column) for t in tokens_of("FGX p")] == [
+        ("F", 1),
+        ("G", 2),
+        ("X", 3),
+        ("p", 5),
+        ("the end", 6),
+    ]
+
+
+def test_a_long_text_is_quoted_shortened():
+    assert excerpt("x" * 80) == "x" * 80
+    assert excerpt("x" * 81) == "x" * 77 + "..."
+    assert excerpt("a\n  b") == "a b"
+
+
+def test_without_parameters_there_is_none_to_suggest():
+    with pytest.raises(FormulaError, match=r"unknown parameter 'w' at column 6"):
+        parse("v <= w")
+    with pytest.raises(FormulaError, match=r"unknown parameter 'w' \(choose from x, y\)"):
+        parse("v <= w", {"x": 1.0, "y": 2.0})
+
+
+@pytest.mark.parametrize(
+    "name", ["true", "false", "inf", "U", "R", "W", "a", "v", "s", "d", "in_lane", "and", "not"]
+)
+def test_what_is_built_in_cannot_be_defined(name):
+    with pytest.raises(FormulaError, match=f"'{name}' is built in"):
+        check_definition_name(name)
+
+
+@pytest.mark.parametrize("name", ["", "3p", "p q", "p-q", "G", "FG", "XNX", "é"])
+def test_names_of_definitions_are_words(name):
+    with pytest.raises(FormulaError, match="is no name of a predicate"):
+        check_definition_name(name)
+
+
+def test_a_billionth_of_a_step_is_rounding():
+    def interval(text):
+        formula = parse(f"G[{text}] v < 1", dt=1.0)
+        return formula.lower, formula.upper
+
+    assert interval("0.000000001s,5s") == (0, 5)
+    assert interval("0.000000002s,5s") == (1, 5)
+    # Of a long time, a billionth is more.
+    assert interval("0s,999999.9995s") == (0, 1_000_000)
+    assert interval("0s,999999.998s") == (0, 999_999)
+
+
+@given(st.integers(0, 500) | st.integers(0, 10**7), st.sampled_from((0.04, 0.1, 0.2, 1 / 3)))
 def test_a_whole_number_of_steps_in_seconds_is_that_number(steps, dt):
     assert parse(f"F[0,{steps * dt!r}s] v < 1", dt=dt).upper == steps
 

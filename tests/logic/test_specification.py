@@ -5,8 +5,8 @@ import pytest
 from sandra.actions import ALL_PAIRS, ActionPair
 from sandra.errors import FormulaError
 from sandra.logic.evaluate import evaluate, letter
-from sandra.logic.formula import TRUE, Predicate, atoms_of
-from sandra.logic.specification import parse_rules, specification
+from sandra.logic.formula import TRUE, Predicate, atoms_of, simplify
+from sandra.logic.specification import Specification, parse_rules, specification
 from sandra.logic.vocabulary import Vocabulary
 from sandra.settings import Settings
 
@@ -206,6 +206,18 @@ def test_a_vocabulary_of_the_users_own(tmp_path):
     assert satisfies(s, [(0.9, 3.0, [CURRENT])])
     assert not satisfies(s, [(0.9, 3.1, [CURRENT])])
     assert str(s) == "keep: G(|a| <= 1)\nfollow-lane: G(in_lane(current))\nR_slow: G(v <= 3)"
+
+
+@pytest.mark.parametrize("word", ["true", "false", "keeps_lane_speed_limit", "in_standstill"])
+def test_a_formula_may_be_one_word(word):
+    part = spec("keep,follow-lane", [word]).parts[2]
+    assert part.name == part.text == word
+    assert part.formula == simplify(Vocabulary.default().parse(word, Settings()))
+
+
+def test_the_formula_follows_from_the_parts_and_cannot_be_given():
+    with pytest.raises(TypeError, match="formula"):
+        Specification(ActionPair.parse("keep,follow-lane"), (), formula=TRUE)
 
 
 def test_specifications_are_values():

@@ -1,11 +1,14 @@
 import time
+from dataclasses import dataclass
 
 import pytest
 
 from sandra.actions import ALL_PAIRS
 from sandra.errors import FormulaError
+from sandra.logic import diagram, translation
 from sandra.logic.diagram import Diagrams
-from sandra.logic.formula import Finally, Globally, Not, Predicate
+from sandra.logic.evaluate import evaluate
+from sandra.logic.formula import TRUE, Finally, Formula, Globally, Not, Or, Predicate, Until
 from sandra.logic.parser import parse
 from sandra.logic.specification import specification
 from sandra.logic.translation import translate
@@ -82,3 +85,62 @@ def test_in_a_chain_each_variable_implies_the_next():
     only_second = d.conjunction(second, d.negation(first))
     assert d.conjunction(only_second, third) == only_second
     assert d.disjunction(only_second, first) == second
+
+
+def states_before_minimisation(n):
+    """Of F[0,n] p: n + 1 deadlines, accepted and failed."""
+    return n + 3
+
+
+def test_the_limit_of_states_itself_is_allowed(monkeypatch):
+    formula = Finally(Predicate("limit_of_states"), 0, 20)
+    monkeypatch.setattr(translation, "MAX_STATES", states_before_minimisation(20) - 1)
+    with pytest.raises(FormulaError, match=r"more than 22 states; use fewer"):
+        translate(formula)
+    monkeypatch.setattr(translation, "MAX_STATES", states_before_minimisation(20))
+    assert translate(formula).n_states == 23
+
+
+def test_the_limit_of_deadlines_itself_is_allowed(monkeypatch):
+    p = Predicate("limit_of_deadlines")
+    # 21 deadlines and p; all of them are sure to be met, so that there are but two states.
+    formula = Finally(Or(p, Not(p)), 0, 20)
+    monkeypatch.setattr(translation, "MAX_STATES", 21)
+    with pytest.raises(FormulaError, match=r"span more than 21 steps"):
+        translate(formula)
+    monkeypatch.setattr(translation, "MAX_STATES", 22)
+    assert translate(formula) == translate(TRUE)
+
+
+def test_the_limit_of_cubes_itself_is_allowed(monkeypatch):
+    formula = Until(Predicate("cubes_left"), Predicate("cubes_right"))
+    cubes = sum(len(edge.cubes) for edges in translate(formula).edges for edge in edges)
+    # Four at first, for the values of two atoms; one each once it is accepted or failed.
+    assert cubes == 6
+    other = Until(Predicate("cubes_left"), Predicate("cubes_other"))
+    monkeypatch.setattr(translation, "MAX_CUBES", cubes - 1)
+    with pytest.raises(FormulaError, match=r"more than 5 cubes"):
+        translate(other)
+    monkeypatch.setattr(translation, "MAX_CUBES", cubes)
+    assert translate(other).n_states == 3
+
+
+def test_the_limit_of_nodes_itself_is_allowed(monkeypatch):
+    monkeypatch.setattr(diagram, "MAX_NODES", 4)
+    d = Diagrams(["x", "y", "z"])
+    # Two leaves and two tests; what is known takes no room.
+    x, y = d.test(0), d.test(1)
+    assert (d.test(0), d.test(1)) == (x, y)
+    with pytest.raises(FormulaError, match=r"more than 4 nodes"):
+        d.test(2)
+
+
+def test_an_operator_without_a_rule_is_refused():
+    @dataclass(frozen=True)
+    class Often(Formula):
+        operands: tuple = (P,)
+
+    with pytest.raises(TypeError, match="no rule to translate Often"):
+        translate(Often())
+    with pytest.raises(TypeError, match="no rule to evaluate Often"):
+        evaluate(Often(), [{P}])

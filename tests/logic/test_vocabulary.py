@@ -58,7 +58,10 @@ def test_a_file_is_laid_over_the_default(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("[action]\nkeep = 'true'", "unknown section [action]"),
+        (
+            "[action]\nkeep = 'true'",
+            "unknown section [action]: choose from [actions], [rules], [predicates]",
+        ),
         ("keep = 'true'", "unknown section [keep]"),
         ("rules = 'R_G1'", "'rules' must be a section"),
         ("[rules]\nR_1 = 3", "[rules] R_1 must be text in quotes"),

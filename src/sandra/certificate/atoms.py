@@ -160,8 +160,9 @@ def safe_distance_slack(trace: Trace) -> Array:
 
     In each lane that the body touches, the nearest vehicle in front precedes: with the smallest
     rear end s_rear(o) >= s_front(ego) = s + length / 2 among those whose bodies reach into the
-    lane. d_safe = v^2 / (2 |a_min|) - v_o^2 / (2 |a_obs_min|) + v t_d (paper eq. 5 and 6), with
-    the speed v_o of o along the lane, at least 0.
+    lane, the slowest of them if several are equally near. d_safe = v^2 / (2 |a_min|) -
+    v_o^2 / (2 |a_obs_min|) + v t_d (paper eq. 5 and 6), with the speed v_o of o along the lane,
+    at least 0.
     """
     c = trace.certificate
     front = trace.reference.along(trace.states[:, :2]) + c.ego.length / 2
@@ -174,7 +175,9 @@ def safe_distance_slack(trace: Trace) -> Array:
         nearest = np.full(len(front), inf)
         speed = np.zeros(len(front))
         for present, shapes, rear, v in others:
-            counts = _in_traffic(lane, present, shapes, c) & (rear >= front) & (rear < nearest)
+            before = _in_traffic(lane, present, shapes, c) & (rear >= front)
+            # Of two side by side the slower one demands more.
+            counts = before & ((rear < nearest) | ((rear == nearest) & (v < speed)))
             nearest = np.where(counts, rear, nearest)
             speed = np.where(counts, v, speed)
         needed = _safe_distance(trace.states[:, 3], speed, c.settings)

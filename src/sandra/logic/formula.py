@@ -172,8 +172,8 @@ class Not(_Unary):
             op = ">" if operand.op == "<=" else ">="
             return f"{operand.variable} {op} {_number(operand.bound)}"
         if isinstance(operand, Predicate | Constant):
-            return f"!{operand}"
-        return f"!({operand})"
+            return f"{self.symbol}{operand}"
+        return f"{self.symbol}({operand})"
 
 
 @dataclass(frozen=True, slots=True)
@@ -313,7 +313,7 @@ def _level(formula: Formula) -> int:
 
 
 def _number(value: float) -> str:
-    return str(int(value)) if value.is_integer() and abs(value) < 1e15 else repr(value)
+    return str(int(value)) if value.is_integer() and abs(value) < 1e16 else repr(value)
 
 
 def conjunction(formulas: Iterable[Formula]) -> Formula:

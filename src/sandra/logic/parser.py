@@ -227,12 +227,13 @@ class _Parser:
             if self._names.dt is None:
                 self._fail("bounds in seconds need the duration of a step: use steps", token)
             steps = value / self._names.dt
+            if math.isinf(steps):
+                self._fail(f"'{token.text}s' is too long: for no limit write 'inf'", token)
             # 1.5 s are 15 steps of 0.1 s, whatever the last digit of the quotient.
-            nearest = round(steps) if math.isfinite(steps) else 0
+            nearest = round(steps)
             if abs(steps - nearest) <= 1e-9 * max(1.0, steps):
                 return nearest
-            if math.isfinite(steps):
-                return math.ceil(steps) if upwards else math.floor(steps)
+            return math.ceil(steps) if upwards else math.floor(steps)
         if not value.is_integer():
             self._fail(
                 f"'{token.text}' is no number of steps: for seconds write '{token.text}s'", token

@@ -158,9 +158,6 @@ def _problems(vocabulary: Vocabulary) -> Iterator[str]:
     for name in vocabulary.actions:
         if name not in ACTION_NAMES:
             yield f"[actions] unknown action '{name}': choose from {', '.join(ACTION_NAMES)}"
-    for name in ACTION_NAMES:
-        if name not in vocabulary.actions:
-            yield f"[actions] lacks '{name}'"
     for name in vocabulary.rules:
         if not re.fullmatch(r"[A-Za-z][\w-]*", name) or name.lower() in (*ACTION_NAMES, "none"):
             yield f"[rules] '{name}' is no name of a rule: use letters, digits, '_', and no action"
