@@ -108,6 +108,11 @@ def test_a_prediction_of_another_time_step_is_refused() -> None:
     scene = Course().scene()
     with pytest.raises(SettingsError, match="predict again"):
         ground(scene, replace(prediction(scene, H), dt=0.2), SETTINGS)
+    with pytest.raises(SettingsError, match="predict again"):
+        ground(scene, replace(prediction(scene, H), dt=0.1 + 1e-6), SETTINGS)
+    with pytest.raises(SettingsError, match="dt = nan s"):
+        ground(scene, replace(prediction(scene, H), dt=float("nan")), SETTINGS)
+    assert ground(scene, replace(prediction(scene, H), dt=0.3 / 3), SETTINGS).horizon == H
 
 
 # ------------------------------------------------------------------ monotonicity
