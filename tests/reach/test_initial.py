@@ -1,5 +1,7 @@
 """The initial set and the lattice around all that can be reached from it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -114,3 +116,22 @@ def test_borders_far_away_are_left_out_however_long_their_parts_are() -> None:
     scene = course.scene(course.lanes(left=0, right=0), more_lanelets=[beside, far])
     assert set(_borders_between(scene, (40.0, 60.0), 25.0)) == {-1.75, 1.75, 5.0, 20.0}
     assert set(_borders_between(scene, (40.0, 42.0), 2.0)) == {-1.75, 1.75, 5.0}
+
+
+def test_borders_around_an_ego_that_is_not_at_the_origin() -> None:
+    """Distances are measured from the ego, wherever the map puts its origin."""
+    scene = Course().scene(Course().lanes(left=0, right=0))
+    moved = replace(scene, ego=replace(scene.ego, state=replace(scene.ego.state, x=60.0)))
+    assert sorted(_borders_between(moved, (100.0, 101.0), 8.0)) == [-1.75, -1.75, 1.75, 1.75]
+    assert _borders_between(moved, (45.0, 46.0), 8.0).size == 0
+
+
+def test_a_road_that_is_far_away_leaves_all_that_is_within_reach() -> None:
+    """The road ends 160 m ahead, the ego is 240 m beyond that."""
+    scene = Course().scene(speed=8.0)
+    scene = replace(scene, ego=replace(scene.ego, state=replace(scene.ego.state, x=400.0)))
+    assert _borders_between(scene, (439.0, 445.0), 2.0).size == 0
+    settings = Settings(cell_d=0.01)
+    lattice = lattice_of(scene, 4, *initial_set(scene, settings), settings)
+    low, high = lattice.bounds((0, lattice.columns, 0, lattice.rows))[2:]
+    assert (low, high) == pytest.approx((-0.32, 0.32), abs=0.011)

@@ -289,3 +289,24 @@ def test_every_literal_of_a_move_counts_at_every_step() -> None:
     assert across == pytest.approx(np.array([(-1.5, -1.0), (0.0, 0.5)]), abs=1e-6)
     assert all(b.rectangle[1] == pytest.approx(4.0) for b in found.steps[1])
     assert found.first_empty_step == 2
+
+
+def test_what_lies_next_to_a_line_touches_both_cells_but_is_only_where_it_is() -> None:
+    """A state 0.1 micrometres before a line counts for the cell beyond it, and is not in it."""
+    for s, empty in ((2.5 - 1e-7, 0), (2.5, None)):
+        found = reachable_set(
+            problem(
+                1,
+                (0.0, 0.0),
+                lon=[(s, 0.0)],
+                forbidden=forbidding(0, slice(4, 5), slice(None), 1),
+            )
+        )
+        assert found.first_empty_step == empty
+
+
+def test_speeds_of_the_start_that_are_out_of_bounds() -> None:
+    """Speeds of the start beyond the bounds are cut off, those within go on."""
+    start = [(2.0, -1.0), (2.0, 1.0)]
+    found = reachable_set(problem(lon=start, inputs=(0.0, 0.0)))
+    assert found.steps[0][0].lon == pytest.approx(np.array([(2.0, 0.0), (2.0, 1.0)]), abs=1e-8)

@@ -431,3 +431,29 @@ def test_half_extent_in_a_bend() -> None:
         angle = np.arctan2(1.0, forward) + np.arcsin(1.3 * 4.0 / forward**2)
         expected = 2.25 * np.sin(angle) + 0.9 * np.cos(angle) + 2.25**2 * at / 2
         assert half_extent(base, 1, [(s, 10.0)], [(d, 1.0)]) == pytest.approx(expected, rel=1e-3)
+
+
+def test_in_a_lane_and_not_in_it_on_a_straight_road() -> None:
+    """The lane goes to 1.75 m; a disc of 0.9 m lies in the body, a circle of 2.42 m around it."""
+    base = bent(0.0, 10.0)
+    s = base.lon[0][0]
+    texts = ("in_lane(current)", "in_lane(left)", "in_lanelet(100)")
+    regions = regions_of(base, tuple(atom_of(text) for text in texts))
+
+    def admitted(index: int, truth: bool, d: float) -> bool:
+        region = regions((index, truth), 3, [(s, 10.0)], [(d, 0.0)])
+        return admits(region, np.array([s, 10.0, d, 0.0]))
+
+    side = half_extent(base, 3, [(s, 10.0)], [(0.0, 0.0)])
+    for sign in (-1.0, 1.0):
+        for index in (0, 2):
+            assert admitted(index, True, sign * (1.75 + side))
+            assert not admitted(index, True, sign * (1.75 + side + 0.05))
+        assert admitted(0, False, sign * (1.75 + 0.9 + 0.02))
+        assert not admitted(0, False, sign * (1.75 + 0.9 - 0.05))
+        # of single lanelets nobody knows from where on the body is not in them
+        assert admitted(2, False, 0.0)
+    assert admitted(1, False, 1.75 - 0.9 - 0.02)
+    assert not admitted(1, False, 1.75 - 0.9 + 0.05)
+    assert admitted(1, False, 5.25 + 0.9 + 0.02)
+    assert not admitted(1, False, 5.25 + 0.9 - 0.05)

@@ -310,6 +310,8 @@ def test_everything_that_is_given_counts(tmp_path: Path) -> None:
     plain = verify(scene, "keep,follow-lane", rules=["G(v <= 9)"], horizon=2, reasons=False)
     assert (plain[0].status, plain[0].reason) == (Status.UNSAFE, None)
     told = verify(scene, "keep,follow-lane", rules=["G(v <= 9)"], horizon=2)
+    assert verify_pair(told.ground, told[0].pair, ("G(v <= 9)",)).reason == told[0].reason
+    assert verify_on(told.ground, [told[0].pair], ("G(v <= 9)",))[0].reason == told[0].reason
     assert "G(v <= 9)" in str(told[0].reason)
 
 

@@ -125,6 +125,14 @@ def test_a_needle_counts_as_its_longest_side() -> None:
     assert not forbids(needle, (3.0, 0.75), 0.5)
 
 
+def test_a_small_body_has_an_inside_as_well() -> None:
+    """The outline of somebody on foot: its middle is not as far from it as its sides are."""
+    for size in (0.5, 1e-3):
+        body = Region(np.array([[0.0, 0.0], [size, 0.0], [size, size], [0.0, size]]))
+        assert forbids(body, (size / 2, size / 2), 0.0)
+        assert not forbids(body, (size / 2, -size / 4), 0.0)
+
+
 def test_cells_need_all_their_corners_within_reach() -> None:
     """A row of cells of 1 m along x, more than a block of them, above a wall from 2 to 12 m."""
     car = Course().car(2, 20.0, 0.0)
