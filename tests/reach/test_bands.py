@@ -288,3 +288,24 @@ def test_lanelets_that_end_within_a_micrometre_end_together() -> None:
     assert found[1][1] == 50.0 - 2e-6
     found = limits_of([(0.0, 100.0, 10.0)], [(nano, 100.0, 20.0)])
     assert found[1] == (nano, 100.0, 10.0, 20.0)
+
+
+@pytest.mark.parametrize(("d", "stretched"), [(0.0, 1.0), (10.0, 1 / 0.6), (-10.0, 1 / 0.6)])
+def test_on_the_inside_of_a_bend_the_body_reaches_further_along_the_lane(
+    d: float, stretched: float
+) -> None:
+    """2 m of body are 3.3 m of the reference line, 10 m to the inside of a bend of 25 m."""
+    course = Course(0.04 if d >= 0.0 else -0.04, step=0.25)
+    frame = course.lane("current", 1, -1.75, 1.75, start=0.0, end=80.0).frame
+    lane = course.lane("left", 2, d, d, start=40.0, end=50.0)
+    found = band(frame, Lattice(20.0, -20.0, 0.5, 0.25, 100, 160), lane.left, lane.right, 2.0)
+    assert 40.0 - 2.0 * stretched - 1.05 <= found[0].s_low <= 40.0 - 2.0 * stretched + 0.05
+    assert 50.0 + 2.0 * stretched - 0.05 <= found[-1].s_high <= 50.0 + 2.0 * stretched + 1.05
+
+
+def test_near_the_centre_of_a_bend_the_body_reaches_five_times_as_far() -> None:
+    course = Course(0.04, step=0.25)
+    frame = course.lane("current", 1, -1.75, 1.75, start=0.0, end=80.0).frame
+    lane = course.lane("left", 2, 22.0, 22.0, start=40.0, end=50.0)
+    found = band(frame, Lattice(20.0, -20.0, 0.5, 0.25, 100, 160), lane.left, lane.right, 2.0)
+    assert 40.0 - 10.0 - 1.05 <= found[0].s_low <= 40.0 - 10.0 + 0.05

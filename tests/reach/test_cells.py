@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import shapely
 
 from reach_scenes import Course
 from sandra.reach.cells import bulge, grid, off_road
@@ -83,3 +84,20 @@ def test_slits_between_lanelets_are_no_border() -> None:
         beside = course.lane("none", 110, 1.75 + slit, 5.25)
         found = off_road(course.scene(lanes, more_lanelets=[beside]), LATTICE)
         assert found[:, np.abs(LATTICE.centers()[1] - 1.8) < 0.2].any() != closed
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.5, 1.0, 1.5])
+def test_long_cells_on_the_outside_of_a_bend_at_the_end_of_the_road(offset: float) -> None:
+    """11 m to the outside of a bend of 20 m a cell is half as long again as on the line."""
+    course = Course(1 / 20, step=0.25)
+    scene = course.scene([course.lane("current", 100, -12.0, 1.75, start=-20.0, end=15.0)])
+    lattice = Lattice(20.0 + offset, -12.0, 2.0, 0.25, 12, 48)
+    found = off_road(scene, lattice)
+    corners = shapely.points(grid(scene, *lattice.corners()))
+    free = scene.lanelets[0].area()
+    inside = np.where(shapely.covers(free, corners), shapely.distance(free.boundary, corners), 0.0)
+    farthest = np.maximum(inside[1:], inside[:-1])
+    farthest = np.maximum(farthest[:, 1:], farthest[:, :-1])
+    # 0.1 m is what the closing of slits may take off a corner of the road
+    assert farthest[found].max() <= 0.9 + 0.1
+    assert 100 < found.sum() < found.size - 100

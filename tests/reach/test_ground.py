@@ -8,7 +8,9 @@ import shapely
 
 from reach_particles import road, shape
 from reach_scenes import Course, prediction
+from sandra.logic import Predicate
 from sandra.reach import Ground, ground
+from sandra.reach.regions import regions_of
 from sandra.scene.frame import Frame
 from sandra.scene.types import Region
 from sandra.settings import Settings
@@ -221,3 +223,20 @@ def test_curvature_of_a_column_is_that_within_it() -> None:
     assert (low <= np.minimum(ends[:-1], ends[1:])).all()
     assert (high >= np.maximum(ends[:-1], ends[1:])).all()
     assert np.ptp(ends) > 3e-3
+
+
+def test_a_lane_that_begins_ahead_is_felt_half_a_diagonal_before() -> None:
+    """The body reaches 2.42 m from its centre; lanes are read by columns of 0.5 m."""
+    course = Course()
+    lanes = [course.lane("current", 100, -1.75, 1.75), course.lane("left", 101, 1.75, 5.25, 8.0)]
+    base = ground(course.scene(lanes), prediction(course.scene(lanes), 20), Settings(horizon=20))
+    (_, (own, *others)), (_, left) = base.bands
+    assert others == []
+    assert own.s_low == base.lattice.s0
+    reach = float(np.hypot(4.5, 1.8)) / 2
+    assert 48.0 - reach - 1.05 <= left[0].s_low <= 48.0 - reach
+    # the same of single lanelets
+    region = regions_of(base, (Predicate("in_lanelet", "101"),))
+    for s, there in ((48.0 - reach, True), (48.0 - reach - 1.05, False)):
+        pieces = region((0, True), 3, [(s, 10.0)], [(3.5, 0.0)])
+        assert bool(pieces[0]) == there

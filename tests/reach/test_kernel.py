@@ -310,3 +310,9 @@ def test_speeds_of_the_start_that_are_out_of_bounds() -> None:
     start = [(2.0, -1.0), (2.0, 1.0)]
     found = reachable_set(problem(lon=start, inputs=(0.0, 0.0)))
     assert found.steps[0][0].lon == pytest.approx(np.array([(2.0, 0.0), (2.0, 1.0)]), abs=1e-8)
+
+
+def test_a_trace_of_one_letter_has_no_input_to_ask_for() -> None:
+    found = reachable_set(problem(0, (0.5, 1.0)))
+    assert found.first_empty_step is None
+    assert [b.lon for b in found.steps[0]] == [[(2.0, 4.0)]]
