@@ -1,12 +1,17 @@
 """Forbidden cells: only where the body collides for sure, by exact geometry."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import shapely
 
 from reach_particles import road, shape
 from reach_scenes import Course, prediction
+from sandra.logic import Predicate
 from sandra.reach import Ground, ground
+from sandra.reach.regions import regions_of
+from sandra.scene.frame import Frame
 from sandra.scene.types import Region
 from sandra.settings import Settings
 
@@ -159,3 +164,79 @@ def test_initial_state_and_its_uncertainty() -> None:
     assert np.ptp(np.array(wide.lon), axis=0) == pytest.approx([0.6, 0.4])
     assert np.mean(np.array(wide.lat), axis=0) == pytest.approx([d, v_d])
     assert s == pytest.approx(np.mean(np.array(wide.lon)[:, 0]))
+
+
+def test_forbidden_are_exactly_the_cells_with_all_corners_within_reach() -> None:
+    """On a straight road cells do not bulge; the disc's radius is half the ego's width."""
+    course = Course()
+    scene = course.scene(obstacles=[course.car(2, 20.0, 0.7, angle=0.4)], speed=10.0)
+    base = ground(scene, prediction(scene, 20), Settings(horizon=20))
+    corners = base.scene.frame.to_cartesian(
+        np.stack(np.meshgrid(*base.lattice.corners(), indexing="ij"), axis=-1).reshape(-1, 2)
+    )
+    body = shapely.Polygon(base.prediction.obstacles[0].at[0][0].vertices)
+    away = shapely.distance(body, shapely.points(corners))
+    away = away.reshape(base.lattice.columns + 1, base.lattice.rows + 1)
+    farthest = np.maximum(
+        np.maximum(away[1:, 1:], away[1:, :-1]), np.maximum(away[:-1, 1:], away[:-1, :-1])
+    )
+    got = np.zeros_like(base.off_road)
+    ((i0, i1, j0, j1, mask),) = base.by_obstacle[0][0]
+    got[i0:i1, j0:j1] = mask
+    assert (got == (farthest <= 0.9 - 1e-6)).all()
+
+
+def test_obstacles_are_told_by_the_number_of_cells() -> None:
+    course = Course()
+    outlines = Region.disc(0.5), Region.rectangle(12.0, 2.5), Region.rectangle(4.5, 1.8)
+    cars = [
+        course.car(i, 20.0, 0.0, outline=outline) for i, outline in enumerate(outlines, start=2)
+    ]
+    scene = course.scene(obstacles=[*cars, course.car(9, 30.0, 3.5)], speed=10.0)
+    base = ground(scene, prediction(scene, 25), Settings(horizon=25))
+    everything = np.ones_like(base.off_road)
+    assert base.obstacles_at(3, everything) in ([1, 2, 3, 0], [1, 3, 2, 0])
+    # only cells that are asked for count
+    ((i0, i1, j0, j1, mask),) = base.by_obstacle[0][3]
+    few = np.zeros_like(everything)
+    few[i0:i1, j0:j1] = mask
+    assert base.obstacles_at(3, few)[0] in (0, 1, 2)
+    assert sorted(base.obstacles_at(3, few)) == [0, 1, 2]
+
+
+def test_curvature_of_a_column_is_that_within_it() -> None:
+    """A road that bends more and more: lowest and highest at the ends of each column."""
+    s = np.linspace(0.0, 120.0, 121)
+    heading = 0.0002 * s**2
+    line = np.cumsum(np.column_stack([np.cos(heading), np.sin(heading)]), axis=0)
+    course = Course()
+    lanes = tuple(
+        replace(lane, frame=Frame(line - line[40])) if lane.relation == "current" else lane
+        for lane in course.lanes()
+    )
+    base = ground(course.scene(lanes), prediction(course.scene(lanes), 5), Settings(horizon=5))
+    frame, lines = base.scene.frame, base.lattice.corners()[0]
+    ends = frame.curvature(lines)
+    low, high = base.curvature
+    assert low == pytest.approx(np.minimum(ends[:-1], ends[1:]), abs=2e-4)
+    assert high == pytest.approx(np.maximum(ends[:-1], ends[1:]), abs=2e-4)
+    assert (low <= np.minimum(ends[:-1], ends[1:])).all()
+    assert (high >= np.maximum(ends[:-1], ends[1:])).all()
+    assert np.ptp(ends) > 3e-3
+
+
+def test_a_lane_that_begins_ahead_is_felt_half_a_diagonal_before() -> None:
+    """The body reaches 2.42 m from its centre; lanes are read by columns of 0.5 m."""
+    course = Course()
+    lanes = [course.lane("current", 100, -1.75, 1.75), course.lane("left", 101, 1.75, 5.25, 8.0)]
+    base = ground(course.scene(lanes), prediction(course.scene(lanes), 20), Settings(horizon=20))
+    (_, (own, *others)), (_, left) = base.bands
+    assert others == []
+    assert own.s_low == base.lattice.s0
+    reach = float(np.hypot(4.5, 1.8)) / 2
+    assert 48.0 - reach - 1.05 <= left[0].s_low <= 48.0 - reach
+    # the same of single lanelets
+    region = regions_of(base, (Predicate("in_lanelet", "101"),))
+    for s, there in ((48.0 - reach, True), (48.0 - reach - 1.05, False)):
+        pieces = region((0, True), 3, [(s, 10.0)], [(3.5, 0.0)])
+        assert bool(pieces[0]) == there

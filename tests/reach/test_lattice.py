@@ -107,3 +107,68 @@ def test_a_point_on_a_line_touches_both_cells() -> None:
     i0, i1, j0, j1 = lattice.touched(2.0, 2.0, 0.2, 0.2)
     assert (i0, i1) == (3, 5)
     assert (j0, j1) == (5, 7)
+
+
+def test_rows_are_united_up_to_the_tolerance_at_both_ends() -> None:
+    """Runs that begin, or end, by so many cells apart; one more, and they are two boxes."""
+    for tolerance in (0, 1, 2):
+        for apart, count in ((tolerance, 1), (tolerance + 1, 2)):
+            mask = np.zeros((12, 2), dtype=bool)
+            mask[4:8, 0] = True
+            mask[4 - apart : 8, 1] = True
+            assert len(boxes(mask, tolerance)) == count
+            mask[:, 1] = False
+            mask[4 : 8 + apart, 1] = True
+            assert len(boxes(mask, tolerance)) == count
+
+
+def test_two_runs_in_a_row_are_two_boxes() -> None:
+    mask = np.zeros((9, 3), dtype=bool)
+    mask[1:3, 0:2] = True
+    mask[5:8, 0:2] = True
+    assert boxes(mask) == [(1, 3, 0, 2), (5, 8, 0, 2)]
+    assert boxes(mask, along_s=False) == [(1, 3, 0, 2), (5, 8, 0, 2)]
+    mask[8, 2] = True
+    assert boxes(mask) == [(1, 3, 0, 2), (5, 8, 0, 2), (8, 9, 2, 3)]
+
+
+def test_rows_that_do_not_follow_each_other_are_apart() -> None:
+    mask = np.zeros((4, 7), dtype=bool)
+    mask[1:3, [1, 2, 4, 6]] = True
+    assert boxes(mask, 2) == [(1, 3, 1, 3), (1, 3, 4, 5), (1, 3, 6, 7)]
+
+
+def test_rows_that_share_nothing_leave_no_box_within() -> None:
+    """With a tolerance as large as the runs themselves their common part is empty."""
+    mask = np.zeros((4, 2), dtype=bool)
+    mask[0, 0] = mask[1, 1] = True
+    assert boxes(mask, 1, grow=False) == []
+    assert boxes(mask, 1, grow=True) == [(0, 2, 0, 2)]
+    mask[:, :] = False
+    mask[0, 0] = mask[2, 1] = True
+    assert boxes(mask, 2, grow=False) == []
+
+
+def test_a_lattice_has_at_least_one_cell() -> None:
+    assert Lattice.around((2.0, 2.0), (-0.5, -0.5), 0.5, 0.25) == Lattice(
+        2.0, -0.5, 0.5, 0.25, 1, 1
+    )
+    assert Lattice.around((1.9, 3.1), (-0.6, 0.3), 0.5, 0.25) == Lattice(
+        1.5, -0.75, 0.5, 0.25, 4, 5
+    )
+
+
+def test_places_of_a_lattice() -> None:
+    lattice = Lattice(2.0, -1.0, 0.5, 0.25, 4, 3)
+    assert lattice.bounds((1, 3, 0, 2)) == (2.5, 3.5, -1.0, -0.5)
+    s, d = lattice.corners()
+    assert s.tolist() == [2.0, 2.5, 3.0, 3.5, 4.0]
+    assert d.tolist() == [-1.0, -0.75, -0.5, -0.25]
+    s, d = lattice.centers()
+    assert s.tolist() == [2.25, 2.75, 3.25, 3.75]
+    assert d.tolist() == [-0.875, -0.625, -0.375]
+    # a line touches the cells on both sides, within a millionth of a cell; the lattice is the end
+    assert lattice.touched(2.5, 3.0, -0.75, -0.5) == (0, 3, 0, 3)
+    assert lattice.touched(2.5 + 1e-6, 3.0 - 1e-6, -0.75 + 1e-6, -0.5 - 1e-6) == (1, 2, 1, 2)
+    assert lattice.touched(2.5 + 4e-7, 3.0 - 4e-7, -0.75 + 2e-7, -0.5 - 2e-7) == (0, 3, 0, 3)
+    assert lattice.touched(-9.0, 9.0, -9.0, 9.0) == (0, 4, 0, 3)

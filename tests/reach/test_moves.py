@@ -9,7 +9,7 @@ from logic.random_formulas import random_formula
 from sandra.actions import ActionPair
 from sandra.logic import Comparison, Dfa, parse, specification, translate
 from sandra.logic.automaton import Letter
-from sandra.reach.moves import Interval, Moves, _ranges, moves_of
+from sandra.reach.moves import Interval, Move, Moves, _ranges, moves_of
 
 INPUTS: Interval = (-6.0, 6.0)
 
@@ -119,3 +119,51 @@ def test_no_admissible_input_no_move() -> None:
     assert moves.initial not in moves.live[6]
     narrow = moves_of(translate(parse("G(a > 1)")), (-6.0, 0.5), 3)
     assert narrow.initial not in narrow.live[4]
+
+
+@pytest.mark.parametrize(
+    ("text", "inputs", "expected"),
+    [
+        ("G(a <= 1)", (-6.0, 6.0), [(-6.0, 1.0), (1.0, 6.0)]),
+        ("G(a <= 1)", (1.0, 6.0), [(1.0, 6.0)]),
+        ("G(a <= 1)", (-6.0, 1.0), [(-6.0, 1.0)]),
+        ("G(a <= 1)", (2.0, 6.0), [(2.0, 6.0)]),
+        ("G(a <= 1 & v <= 2)", (-6.0, 6.0), [(-6.0, 1.0), (1.0, 6.0)]),
+        ("G(v <= 2)", (-6.0, 6.0), [(-6.0, 6.0)]),
+        ("F(a < 1) & F(a > 3)", (-6.0, 6.0), [(-6.0, 1.0), (1.0, 3.0), (3.0, 6.0)]),
+        ("G(a <= 1)", (1.0, 1.0), [(1.0, 1.0)]),
+        ("G(a <= 1)", (1.5, 1.0), []),
+    ],
+)
+def test_bounds_part_the_admissible_inputs_where_they_lie_inside(
+    text: str, inputs: Interval, expected: list[Interval]
+) -> None:
+    assert _ranges(translate(parse(text)), inputs) == expected
+
+
+def test_moves_of_formulas_in_full() -> None:
+    """As few moves as there can be: unused literals dropped, ranges of input united."""
+    free = moves_of(translate(parse("true")), INPUTS, 2)
+    assert free.moves == ((Move(0, (), INPUTS),),)
+    assert free.final == ((Move(-1, (), INPUTS),),)
+    assert free.live == (frozenset(), *[frozenset({0})] * 3)
+    bounded = moves_of(translate(parse("G(a <= 1)")), INPUTS, 1)
+    assert bounded.initial == 0
+    assert [m for m in bounded.moves[0] if m.target in bounded.live[1]] == [
+        Move(0, (), (-6.0, 1.0))
+    ]
+    assert bounded.final[0] == (Move(-1, (), (-6.0, 1.0)),)
+    sooner = moves_of(translate(parse("F(v <= 2)")), INPUTS, 2)
+    assert sooner.live[1] == {0, 1}
+    assert sooner.moves[sooner.initial] == (
+        Move(0, ((0, False),), INPUTS),
+        Move(1, ((0, True),), INPUTS),
+    )
+    assert sooner.final[sooner.initial] == (Move(-1, ((0, True),), INPUTS),)
+    assert sooner.moves[1] == (Move(1, (), INPUTS),)
+
+
+def test_no_input_at_all_leaves_nothing() -> None:
+    found = moves_of(translate(parse("true")), (1.0, -1.0), 3)
+    assert found.live == (frozenset(),) * 5
+    assert found.moves == ((),)

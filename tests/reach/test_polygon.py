@@ -12,11 +12,15 @@ from sandra.reach.polygon import (
     MAX_CORNERS,
     Point,
     Polygon,
+    _extension,
+    area,
     contains,
     cut,
     cut_x,
     cut_y,
+    half_planes,
     hull,
+    intersection,
     limit_corners,
     propagate,
     range_x,
@@ -208,3 +212,147 @@ def test_contains_agrees_with_shapely(some: list[Point], x: float, y: float) -> 
     assert contains(polygon, x, y) or away > 0.0
     if len(polygon) < 3 or min(turns(polygon)) > 1.0:
         assert contains(polygon, x, y) == (away == 0.0)
+
+
+# ------------------------------------------------------------------ exactly on the boundary
+
+
+SQUARE = [(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)]
+
+
+def test_a_cut_through_corners_keeps_them_once() -> None:
+    """Coordinates such that a x + b y - c is exactly 0 there: c plus the tolerance is its x."""
+    edge = 1.0 + EPS
+    diamond = [(0.0, 0.0), (edge, -1.0), (3.0, 0.0), (edge, 1.0)]
+    assert cut(diamond, 1.0, 0.0, 1.0) == [(0.0, 0.0), (edge, -1.0), (edge, 1.0)]
+    triangle = [(edge, 0.0), (2.0, 0.0), (2.0, 1.0)]
+    assert cut(triangle, 1.0, 0.0, 1.0) == [(edge, 0.0)]
+    assert cut(triangle[::-1], 1.0, 0.0, 1.0) == [(edge, 0.0)]
+    inside = [(0.0, 0.0), (edge, 0.0), (0.0, 1.0)]
+    assert cut(inside, 1.0, 0.0, 1.0) == inside
+    assert cut([(edge, 0.0), (2.0, 0.0)], 1.0, 0.0, 1.0) == [(edge, 0.0)]
+    assert cut([(0.0, 0.0), (edge, 0.0)], 1.0, 0.0, 1.0) == [(0.0, 0.0), (edge, 0.0)]
+
+
+def test_cuts_at_infinity_keep_everything() -> None:
+    for low, high in ((-np.inf, np.inf), (-np.inf, 5.0), (-5.0, np.inf)):
+        assert cut_x(SQUARE, low, high) == SQUARE
+        assert cut_y(SQUARE, low, high) == SQUARE
+    assert range_x(cut_x(SQUARE, -np.inf, 1.0)) == pytest.approx((0.0, 1.0))
+    assert range_x(cut_x(SQUARE, 1.0, np.inf)) == pytest.approx((1.0, 2.0))
+    assert range_y(cut_y(SQUARE, -np.inf, 1.0)) == pytest.approx((0.0, 1.0))
+    assert range_y(cut_y(SQUARE, 1.0, np.inf)) == pytest.approx((1.0, 2.0))
+
+
+def test_a_triangle_is_turned_counter_clockwise() -> None:
+    assert hull([(0.0, 0.0), (1.0, 2.0), (2.0, 0.0)]) == [(0.0, 0.0), (2.0, 0.0), (1.0, 2.0)]
+
+
+def regular(n: int, radius: float = 1.0) -> Polygon:
+    angles = 2 * np.pi * np.arange(n) / n
+    return [(float(radius * np.cos(a)), float(radius * np.sin(a))) for a in angles]
+
+
+def test_as_many_corners_as_allowed_are_kept() -> None:
+    assert limit_corners(regular(MAX_CORNERS)) == regular(MAX_CORNERS)
+    assert len(limit_corners(regular(MAX_CORNERS + 1))) == MAX_CORNERS
+
+
+@pytest.mark.parametrize("turn", range(MAX_CORNERS + 1))
+def test_the_shortest_edge_goes_wherever_it_is(turn: int) -> None:
+    """A corner that is cut off a little comes back; the order of corners goes on."""
+    polygon = regular(MAX_CORNERS)
+    (px, py), (x, y), (qx, qy) = polygon[4:7]
+    near = [(x + 0.1 * (u - x), y + 0.1 * (w - y)) for u, w in ((px, py), (qx, qy))]
+    clipped = [*polygon[:5], *near, *polygon[6:]]
+    clipped = clipped[turn:] + clipped[:turn]
+    found = limit_corners(clipped)
+    start = min(range(len(found)), key=lambda i: np.hypot(found[i][0] - 1.0, found[i][1]))
+    assert np.allclose(found[start:] + found[:start], polygon)
+
+
+def test_edges_that_cannot_be_extended_are_kept() -> None:
+    """Their neighbours are parallel, or nearly so: rounding decides where they meet."""
+    assert limit_corners(regular(20, 1e-7)) == regular(20, 1e-7)
+    p, q, r = (0.0, 0.0), (1.0, 0.0), (1.0, 1.0)
+    assert _extension(p, q, r, (0.0, 1.0)) == (np.inf, q)
+    # turning by so little that the cross product of both is exactly the least that counts
+    tiny = _extension((0.0, 0.0), (1e-12, 0.0), (1e-12, 1.0), (0.0, 2.0))
+    assert tiny == (np.inf, (1e-12, 0.0))
+    # turning on
+    assert _extension(p, q, (2.0, 1.0), (2.0, 2.0)) == (0.5, (2.0, 0.0))
+    # turning back: beyond q they do not meet
+    assert _extension(p, q, (0.5, 1.0), (-2.0, 0.5))[0] == np.inf
+    assert _extension(p, q, (0.0, -1.0), (0.0, 0.0))[0] == np.inf
+
+
+def test_an_edge_in_line_with_its_neighbour_costs_nothing() -> None:
+    area, corner = _extension((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (1.0, 2.0))
+    assert (area, corner) == (0.0, (1.0, 0.0))
+    area, corner = _extension((0.0, 0.0), (1.0, 0.0), (2.0, 0.0), (2.0, 1.0))
+    assert (area, corner) == (0.0, (2.0, 0.0))
+
+
+def test_half_planes_are_those_of_the_edges() -> None:
+    found = half_planes([(0.0, 0.0), (2.0, 0.0), (0.0, 2.0)])
+    half = np.sqrt(0.5)
+    expected = [(-1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (half, half, np.sqrt(2.0))]
+    assert len(found) == 3
+    assert np.allclose(found, expected)
+    # of points the box, of segments the line on both sides as well
+    box = [(1.0, 0.0, 3.0), (-1.0, 0.0, -3.0), (0.0, 1.0, 4.0), (0.0, -1.0, -4.0)]
+    assert half_planes([(3.0, 4.0)]) == box
+    segment = half_planes([(0.0, 0.0), (3.0, 4.0)])
+    assert segment[:4] == [(1.0, 0.0, 3.0), (-1.0, 0.0, 0.0), (0.0, 1.0, 4.0), (0.0, -1.0, 0.0)]
+    assert np.allclose(sorted(segment[4:]), sorted(2 * [(0.8, -0.6, 0), (-0.8, 0.6, 0)]))
+    # what is as short as rounding errors has no direction
+    assert len(half_planes([(0.0, 0.0), (1e-12, 0.0)])) == 4
+    assert len(half_planes([(0.0, 0.0), (2e-12, 0.0)])) == 8
+    assert len(half_planes([(0.0, 0.0), (1e-13, 0.0), (2.0, 0.0), (1.0, 1.0)])) == 3
+
+
+@given(points, points)
+def test_intersection_is_that_of_shapely(some: list[Point], others: list[Point]) -> None:
+    a, b = hull(some), hull(others)
+    found = intersection(a, b)
+    exact = shape(a).intersection(shape(b))
+    for x, y in shapely.get_coordinates(exact):
+        assert found
+        assert contains(found, x, y, 1e-6)
+    # cuts keep a nanometre more, of slivers somewhat more
+    for x, y in found:
+        assert contains(a, x, y, 1e-9)
+        assert all(u * x + w * y <= c + 2 * EPS for u, w, c in half_planes(b))
+    assert intersection([], b) == []
+
+
+@given(points)
+def test_area_is_that_of_shapely(some: list[Point]) -> None:
+    polygon = hull(some)
+    assert area(polygon) == pytest.approx(shape(polygon).area, abs=1e-9)
+    assert area(polygon[::-1]) == pytest.approx(-shape(polygon).area, abs=1e-9)
+
+
+def test_contains_up_to_the_tolerance_and_no_further() -> None:
+    """Numbers that are exact in binary, so that the boundary itself can be asked for."""
+    beyond = 0.5 + 2.0**-40
+    for polygon in ([(1.0, 3.0)], [(0.0, 3.0), (1.0, 3.0)], [(1.0, 1.0), (1.0, 3.0)]):
+        x, y = polygon[-1]
+        assert contains(polygon, x + 0.5, y, 0.5)
+        assert contains(polygon, x, y + 0.5, 0.5)
+        assert not contains(polygon, x + beyond, y, 0.5)
+        assert not contains(polygon, x, y + beyond, 0.5)
+        x, y = polygon[0]
+        assert contains(polygon, x - 0.5, y, 0.5)
+        assert contains(polygon, x, y - 0.5, 0.5)
+        assert not contains(polygon, x - beyond, y, 0.5)
+        assert not contains(polygon, x, y - beyond, 0.5)
+    for x, y in ((-0.5, 1.0), (2.5, 1.0), (1.0, -0.5), (1.0, 2.5)):
+        assert contains(SQUARE, x, y, 0.5)
+        assert not contains(SQUARE, x + (x - 1.0) * 2.0**-40, y + (y - 1.0) * 2.0**-40, 0.5)
+    # of a sloping edge it is measured along both axes together
+    slope = [(0.0, 0.0), (4.0, 0.0), (0.0, 4.0)]
+    assert contains(slope, 2.5, 2.5, 0.5)
+    assert not contains(slope, 2.5, 2.5 + 2.0**-40, 0.5)
+    assert contains([(0.0, 0.0)], 1e-6, -1e-6)
+    assert not contains([(0.0, 0.0)], 2e-6, 0.0)

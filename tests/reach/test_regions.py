@@ -11,8 +11,17 @@ from sandra.errors import FormulaError
 from sandra.logic import Atom, Predicate, parse
 from sandra.logic.formula import Not
 from sandra.reach import Ground, ground
-from sandra.reach.problem import Region
-from sandra.reach.regions import regions_of
+from sandra.reach.bands import Leader, Stretch
+from sandra.reach.polygon import Polygon
+from sandra.reach.problem import Region, Regions
+from sandra.reach.regions import (
+    PIECE_MERGE,
+    _not_touching,
+    _sure_band,
+    _touching,
+    half_extent,
+    regions_of,
+)
 from sandra.settings import Settings
 
 TOLERANCE = 1e-9
@@ -150,3 +159,301 @@ def test_lanes_that_are_not_there() -> None:
     lon, lat = [(0.0, 10.0)], [(0.0, 0.0)]
     assert not admits(regions((0, True), 1, lon, lat), np.array([0.0, 10.0, 0.0, 0.0]))
     assert admits(regions((0, False), 1, lon, lat), np.array([0.0, 10.0, 0.0, 0.0]))
+
+
+# ------------------------------------------------------------------ exactly on the boundary
+
+
+def stretch(s_low: float, s_high: float, right: float = -2.0, left: float = 2.0) -> Stretch:
+    """Borders that are known exactly."""
+    return Stretch(s_low, s_high, right, right, left, left)
+
+
+def open_stretch(s_low: float, s_high: float) -> Stretch:
+    """The lane begins or ends here: no point is in it for sure."""
+    return Stretch(s_low, s_high, -2.0, np.inf, -np.inf, 2.0)
+
+
+def box(s: tuple[float, float], d: tuple[float, float]) -> tuple[Polygon, Polygon]:
+    return [(s[0], 5.0), (s[1], 5.0)], [(d[0], 0.0), (d[1], 0.0)]
+
+
+def test_pieces_that_a_base_set_touches() -> None:
+    band = (stretch(0.0, 4.0), stretch(4.0, 8.0, -4.0, 1.0), stretch(8.0, 10.0))
+
+    def pieces(s: tuple[float, float], d: tuple[float, float]) -> list:
+        return [p.box for p in _touching(band, 1.0, *box(s, d))]
+
+    assert pieces((1.0, 3.0), (-9.0, 9.0)) == [(0.0, 4.0, -3.0, 3.0)]
+    assert pieces((1.0, 9.0), (-9.0, 9.0)) == [
+        (0.0, 4.0, -3.0, 3.0),
+        (4.0, 8.0, -5.0, 2.0),
+        (8.0, 10.0, -3.0, 3.0),
+    ]
+    # where stretches bound the base set alike they are one piece
+    assert pieces((1.0, 9.0), (-2.0, 2.0)) == [(0.0, 10.0, -2.0, 2.0)]
+    assert pieces((1.0, 9.0), (2.5, 3.5)) == [(0.0, 4.0, 2.5, 3.0), (8.0, 10.0, 2.5, 3.0)]
+    # all bounds are closed
+    assert pieces((10.0, 12.0), (0.0, 1.0)) == [(8.0, 10.0, 0.0, 1.0)]
+    assert pieces((-2.0, 0.0), (0.0, 1.0)) == [(0.0, 4.0, 0.0, 1.0)]
+    assert pieces((1.0, 2.0), (3.0, 4.0)) == [(0.0, 4.0, 3.0, 3.0)]
+    assert pieces((1.0, 2.0), (-4.0, -3.0)) == [(0.0, 4.0, -3.0, -3.0)]
+    assert pieces((10.25, 12.0), (0.0, 1.0)) == []
+    assert pieces((-2.0, -0.25), (0.0, 1.0)) == []
+    assert pieces((1.0, 2.0), (3.25, 4.0)) == []
+    assert pieces((1.0, 2.0), (-4.0, -3.25)) == []
+
+
+def test_pieces_are_merged_up_to_a_difference_and_take_the_looser_bounds() -> None:
+    def pieces(*lefts: float, right: float = 0.0) -> list:
+        """Stretches of 1 m with these left borders, or right borders of the opposite sign."""
+        many = [stretch(i, i + 1.0, -9.0, left) for i, left in enumerate(lefts)]
+        over = [p.box for p in _touching(tuple(many), 0.0, *box((0.0, 9.0), (-5.0, 5.0)))]
+        mirrored = [stretch(i, i + 1.0, -left, 9.0) for i, left in enumerate(lefts)]
+        below = [p.box for p in _touching(tuple(mirrored), 0.0, *box((0.0, 9.0), (-5.0, 5.0)))]
+        assert below == [(a, b, -high, -low) for a, b, low, high in over]
+        return [(a, b, high) for a, b, _, high in over]
+
+    assert pieces(0.0, PIECE_MERGE) == [(0.0, 2.0, PIECE_MERGE)]
+    assert pieces(PIECE_MERGE, 0.0) == [(0.0, 2.0, PIECE_MERGE)]
+    assert pieces(0.0, 0.21) == [(0.0, 1.0, 0.0), (1.0, 2.0, 0.21)]
+    # of all merged stretches, not of neighbours only
+    assert pieces(0.0, 0.15, 0.3) == [(0.0, 2.0, 0.15), (2.0, 3.0, 0.3)]
+    assert pieces(0.15, 0.0, 0.15, 0.2) == [(0.0, 4.0, 0.2)]
+    assert pieces(0.0, 3.0, 0.0) == [(0.0, 1.0, 0.0), (1.0, 2.0, 3.0), (2.0, 3.0, 0.0)]
+
+
+def test_pieces_do_not_bridge_a_gap() -> None:
+    band = (stretch(0.0, 1.0), stretch(2.0, 3.0))
+    found = _touching(band, 0.0, *box((0.0, 3.0), (-1.0, 1.0)))
+    assert [p.box for p in found] == [(0.0, 1.0, -1.0, 1.0), (2.0, 3.0, -1.0, 1.0)]
+
+
+def test_where_the_disc_is_in_no_lane() -> None:
+    def outside(band: tuple[Stretch, ...], s: float, d: float) -> bool:
+        return any(
+            p.box[0] <= s <= p.box[1] and p.box[2] <= d <= p.box[3]
+            for p in _not_touching(band, 0.5)
+        )
+
+    band = (stretch(0.0, 1.0), stretch(1.0, 2.0), stretch(3.0, 4.0, -1.0, 1.0))
+    for s, d, free in (
+        (-0.25, 0.0, True),
+        (0.0, 0.0, True),
+        (0.5, 0.0, False),
+        (0.5, 2.5, True),
+        (0.5, 2.25, False),
+        (0.5, -2.5, True),
+        (0.5, -2.25, False),
+        # stretches that meet leave no gap, others do, with its ends
+        (1.0, 0.0, False),
+        (2.0, 0.0, True),
+        (2.5, 0.0, True),
+        (3.0, 0.0, True),
+        (3.5, 0.0, False),
+        (3.5, 1.5, True),
+        (4.0, 0.0, True),
+        (5.0, 0.0, True),
+    ):
+        assert outside(band, s, d) == free, (s, d)
+    assert outside((), 0.5, 0.0)
+
+
+def test_the_band_in_which_the_disc_touches_for_sure() -> None:
+    nothing = (0.0, 0.0)
+    two = [stretch(0.0, 1.0, -2.0, 2.0), stretch(1.0, 2.0, -1.5, 2.5)]
+    assert _sure_band(two, 0.0, 2.0, 0.5) == (-2.0, 2.5)
+    assert _sure_band(two[:1], 0.25, 0.5, 0.5) == (-2.5, 2.5)
+    # a micrometre beyond its ends is rounding, more is not
+    micro = 1e-6
+    assert _sure_band([stretch(micro, 1.0)], 0.0, 1.0, 0.5) == (-2.5, 2.5)
+    assert _sure_band([stretch(2 * micro, 1.0)], 0.0, 1.0, 0.5) == nothing
+    assert _sure_band([stretch(-1.0, -micro)], -1.0, 0.0, 0.5) == (-2.5, 2.5)
+    assert _sure_band([stretch(-1.0, -2 * micro)], -1.0, 0.0, 0.5) == nothing
+    # there must be no gap
+    assert _sure_band([stretch(0.0, 1.0), stretch(1.25, 2.0)], 0.0, 2.0, 0.5) == nothing
+
+
+def behind(lane: tuple[Stretch, ...], *vehicles: Leader) -> Regions:
+    """keeps_safe_distance on one lane with given vehicles, rear ends relative to the ego's half
+    length; 4.5 m long, 1.8 m wide, a_min -6, a_obs_min -12 m/s^2, t_d 0.4 s."""
+    course = Course()
+    scene = course.scene(course.lanes(left=0, right=0))
+    base = ground(scene, prediction(scene, 1), Settings(horizon=1))
+    told = tuple(Leader(x.rear + 2.25, x.speed) for x in vehicles)
+    base = replace(base, bands=(("current", lane),), leaders=((told, told),))
+    return regions_of(base, (Predicate("keeps_safe_distance", "preceding"),))
+
+
+def keeps(regions: Regions, s: float, v: float, d: float = 0.0) -> bool:
+    region = regions((0, True), 1, [(s, v)], [(d, 0.0)])
+    return admits(region, np.array([s, v, d, 0.0]))
+
+
+LONG = (stretch(0.0, 200.0),)
+
+
+def test_the_safe_distance_is_that_of_the_rule() -> None:
+    """At 10 m/s, 12.33 m behind one that stands, and 8.17 m behind one at 10 m/s."""
+    settings = Settings(horizon=1)
+    needed = 10.0**2 / (2 * abs(settings.a_min)) + 10.0 * settings.t_d
+    for speed in (0.0, 10.0):
+        least = needed - speed**2 / (2 * abs(settings.a_obs_min))
+        regions = behind(LONG, Leader(100.0, speed))
+        assert keeps(regions, 100.0 - least - 1e-3, 10.0)
+        assert not keeps(regions, 100.0 - least + 1e-3, 10.0)
+    # 9 and 11 m/s lie between tangents, which are at most 1 / 12 m beside the parabola
+    for v in (9.0, 11.0):
+        least = v**2 / 12 + 0.4 * v
+        assert keeps(behind(LONG, Leader(100.0, 0.0)), 100.0 - least, v)
+        assert not keeps(behind(LONG, Leader(100.0, 0.0)), 100.0 - least + 0.09, v)
+    assert keeps(behind(LONG), 99.0, 30.0)
+    # to one of infinite speed no distance is asked
+    assert keeps(behind(LONG, Leader(100.0, np.inf)), 99.9, 30.0)
+
+
+def test_the_highest_speed_has_a_tangent_of_its_own() -> None:
+    least = 30.0**2 / 12 + 0.4 * 30.0
+    assert keeps(behind(LONG, Leader(150.0, 0.0)), 150.0 - least - 1e-3, 30.0)
+    assert not keeps(behind(LONG, Leader(150.0, 0.0)), 150.0 - least + 1e-3, 30.0)
+
+
+def test_only_the_nearest_in_front_counts() -> None:
+    regions = behind(LONG, Leader(100.0, 20.0), Leader(101.0, 0.0))
+    assert keeps(regions, 95.0, 10.0)
+    assert not keeps(regions, 100.5, 10.0)
+    assert keeps(regions, 101.5, 10.0)
+    # with the bumper exactly at a rear end it is the one or the other
+    assert keeps(regions, 100.0, 10.0)
+    away = behind(LONG, Leader(100.0, 0.0), Leader(150.0, 20.0))
+    assert not keeps(away, 99.9, 10.0)
+    assert keeps(away, 100.0, 10.0)
+    assert keeps(behind(LONG, Leader(100.0, 0.0)), 100.0, 10.0)
+
+
+def test_nothing_is_asked_where_the_disc_may_be_beside_the_lane() -> None:
+    """Sure are 2 m of the lane and 0.9 m of the disc, with the border itself."""
+    regions = behind(LONG, Leader(100.0, 0.0))
+    for d, free in ((2.8, False), (2.9, True), (3.0, True), (-2.8, False), (-2.9, True)):
+        assert keeps(regions, 99.0, 10.0, d) == free
+    # a lane so narrow that nowhere the disc touches it for sure
+    for gap in (0.9, 1.0):
+        narrow = (Stretch(0.0, 200.0, -gap, gap, -gap, gap),)
+        assert keeps(behind(narrow, Leader(100.0, 0.0)), 99.0, 10.0, 0.0)
+
+
+def test_where_a_lane_begins_or_ends_nothing_is_asked() -> None:
+    """At the very line between the part that is in it and the part that may not be, too."""
+    begins = (open_stretch(90.0, 95.0), stretch(95.0, 200.0))
+    ends = (stretch(0.0, 95.0), open_stretch(95.0, 100.0))
+    ahead = Leader(96.0, 0.0)
+    assert keeps(behind(begins, ahead), 95.0, 10.0)
+    assert not keeps(behind(begins, ahead), 95.5, 10.0)
+    assert keeps(behind(ends, ahead), 95.0, 10.0)
+    assert not keeps(behind(ends, ahead), 94.5, 10.0)
+    # a set that reaches over the end is not asked either
+    for lane, s in ((begins, (94.0, 95.5)), (ends, (94.5, 96.0))):
+        regions = behind(lane, ahead)
+        region = regions((0, True), 1, [(s[0], 10.0), (s[1], 10.0)], [(0.0, 0.0)])
+        assert all(admits(region, np.array([x, 10.0, 0.0, 0.0])) for x in s)
+
+
+def test_the_limit_of_lanes_and_what_breaks_it() -> None:
+    course = Course()
+    scene = course.scene()
+    base = ground(scene, prediction(scene, 1), Settings(horizon=1))
+    limits = ((-np.inf, 10.0, None, None), (10.0, 20.0, 5.0, 8.0), (20.0, np.inf, 6.0, 6.0))
+    regions = regions_of(replace(base, limits=limits), (Predicate("keeps_lane_speed_limit"),))
+    for s, v, kept, broken in (
+        (5.0, 30.0, True, True),
+        (15.0, 5.0, True, True),
+        (15.0, 4.0, True, False),
+        (15.0, 8.0, True, True),
+        (15.0, 9.0, False, True),
+        (25.0, 6.0, True, True),
+        (25.0, 7.0, False, True),
+        (25.0, 5.0, True, False),
+        (20.0, 7.0, True, True),
+    ):
+        state = np.array([s, v, 0.0, 0.0])
+        at = [(s, v)], [(0.0, 0.0)]
+        assert admits(regions((0, True), 1, *at), state) == kept, (s, v)
+        assert admits(regions((0, False), 1, *at), state) == broken, (s, v)
+
+
+def test_predicates_with_other_arguments_are_unknown() -> None:
+    base = bent(0.0, 10.0)
+    for atom in (Predicate("keeps_safe_distance", "left"), Predicate("keeps_safe_distance")):
+        with pytest.raises(FormulaError, match="unknown predicate"):
+            regions_of(base, (atom,))
+    with pytest.raises(FormulaError, match="unknown lane"):
+        regions_of(base, (Predicate("in_lane", "next"),))
+    with pytest.raises(FormulaError, match="no lanelet 7 in the map"):
+        regions_of(base, (Predicate("in_lanelet", "7"),))
+
+
+@pytest.mark.parametrize(
+    ("v", "w", "angle"),
+    [
+        (20.0, 0.0, np.arcsin(1.3 * 4.0 / 400.0)),
+        (10.0, 1.0, np.arctan2(1.0, 10.0) + np.arcsin(1.3 * 4.0 / 100.0)),
+        (10.0, -1.0, np.arctan2(1.0, 10.0) + np.arcsin(1.3 * 4.0 / 100.0)),
+        (2.0, 0.0, np.inf),
+        (0.0, 0.0, np.inf),
+    ],
+)
+def test_half_extent_of_the_body_on_a_straight_lane(v: float, w: float, angle: float) -> None:
+    """Heading and slip angle turn it; more than half its diagonal it never has."""
+    scene = Course().scene(angle=0.125)
+    base = ground(scene, prediction(scene, 1), Settings(horizon=1))
+    s, d = base.lon[0][0], 0.0
+    turned = min(angle, np.arctan2(2.25, 0.9))
+    expected = 2.25 * np.sin(turned) + 0.9 * np.cos(turned)
+    assert half_extent(base, 1, [(s, v)], [(d, w)]) == pytest.approx(expected)
+    assert half_extent(base, 0, [(s, v)], [(d, w)]) == pytest.approx(
+        2.25 * np.sin(0.125) + 0.9 * np.cos(0.125)
+    )
+    # of a set its slowest and most lateral state counts
+    wide = half_extent(base, 1, [(s, v), (s + 1.0, v + 5.0)], [(d, w), (d + 1.0, w / 2)])
+    assert wide == pytest.approx(expected)
+
+
+def test_half_extent_in_a_bend() -> None:
+    """The body bends out of the lane, and is slower over ground on the inside of the bend."""
+    kappa = 0.02
+    scene = Course(kappa).scene()
+    base = ground(scene, prediction(scene, 1), Settings(horizon=1))
+    s = base.lon[0][0]
+    at = float(np.abs(np.concatenate(base.curvature)).max())
+    assert at == pytest.approx(kappa, rel=0.02)
+    for d in (-3.0, 0.0, 3.0):
+        forward = 10.0 * (1.0 - at * abs(d))
+        angle = np.arctan2(1.0, forward) + np.arcsin(1.3 * 4.0 / forward**2)
+        expected = 2.25 * np.sin(angle) + 0.9 * np.cos(angle) + 2.25**2 * at / 2
+        assert half_extent(base, 1, [(s, 10.0)], [(d, 1.0)]) == pytest.approx(expected, rel=1e-3)
+
+
+def test_in_a_lane_and_not_in_it_on_a_straight_road() -> None:
+    """The lane goes to 1.75 m; a disc of 0.9 m lies in the body, a circle of 2.42 m around it."""
+    base = bent(0.0, 10.0)
+    s = base.lon[0][0]
+    texts = ("in_lane(current)", "in_lane(left)", "in_lanelet(100)")
+    regions = regions_of(base, tuple(atom_of(text) for text in texts))
+
+    def admitted(index: int, truth: bool, d: float) -> bool:
+        region = regions((index, truth), 3, [(s, 10.0)], [(d, 0.0)])
+        return admits(region, np.array([s, 10.0, d, 0.0]))
+
+    side = half_extent(base, 3, [(s, 10.0)], [(0.0, 0.0)])
+    for sign in (-1.0, 1.0):
+        for index in (0, 2):
+            assert admitted(index, True, sign * (1.75 + side))
+            assert not admitted(index, True, sign * (1.75 + side + 0.05))
+        assert admitted(0, False, sign * (1.75 + 0.9 + 0.02))
+        assert not admitted(0, False, sign * (1.75 + 0.9 - 0.05))
+        # of single lanelets nobody knows from where on the body is not in them
+        assert admitted(2, False, 0.0)
+    assert admitted(1, False, 1.75 - 0.9 - 0.02)
+    assert not admitted(1, False, 1.75 - 0.9 + 0.05)
+    assert admitted(1, False, 5.25 + 0.9 + 0.02)
+    assert not admitted(1, False, 5.25 + 0.9 - 0.05)

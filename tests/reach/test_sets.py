@@ -138,3 +138,4 @@ def test_membership() -> None:
     assert one.speeds == (1.0, 3.0)
     assert found.boxes(0) == [LATTICE.touched(0.0, 4.0, -1.0, 1.0)]
     assert np.isclose(found.area(0), 8.0)
+    assert found.area(1) == 0.0

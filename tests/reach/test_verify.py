@@ -4,6 +4,7 @@ import random
 from dataclasses import replace
 from pathlib import Path
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
@@ -11,7 +12,7 @@ from reach_particles import TOLERANCE, World, contained, fly
 from reach_scenes import Course, prediction
 from sandra.actions import ALL_PAIRS, ActionPair
 from sandra.errors import SettingsError
-from sandra.logic import Specification, specification
+from sandra.logic import Specification, Vocabulary, specification
 from sandra.reach import (
     Ground,
     ReachableSet,
@@ -108,6 +109,11 @@ def test_a_prediction_of_another_time_step_is_refused() -> None:
     scene = Course().scene()
     with pytest.raises(SettingsError, match="predict again"):
         ground(scene, replace(prediction(scene, H), dt=0.2), SETTINGS)
+    with pytest.raises(SettingsError, match="predict again"):
+        ground(scene, replace(prediction(scene, H), dt=0.1 + 1e-6), SETTINGS)
+    with pytest.raises(SettingsError, match="dt = nan s"):
+        ground(scene, replace(prediction(scene, H), dt=float("nan")), SETTINGS)
+    assert ground(scene, replace(prediction(scene, H), dt=0.3 / 3), SETTINGS).horizon == H
 
 
 # ------------------------------------------------------------------ monotonicity
@@ -270,3 +276,106 @@ def test_verdicts_print_and_look_up() -> None:
     assert entry["first_empty_step"] == H
     assert "stop" in str(found).splitlines()[1]
     assert TOLERANCE < 1e-5
+
+
+# ------------------------------------------------------------------ what is asked is what is done
+
+
+def test_everything_that_is_given_counts(tmp_path: Path) -> None:
+    scene = Course().scene(speed=10.0)
+    asked = []
+
+    def predictor(*given: object) -> object:
+        asked.append(given)
+        return prediction(scene, 4)
+
+    words = tmp_path / "words.toml"
+    words.write_text('[rules]\nR_SLOW = "G(v <= 9)"\n')
+    settings = Settings(horizon=9, v_max=25.0)
+    found = verify(
+        scene,
+        ["keep,follow-lane", ALL_PAIRS[1]],
+        prediction=predictor,
+        rules=["R_SLOW"],
+        horizon=4,
+        settings=settings,
+        vocabulary=Vocabulary.load(words),
+    )
+    assert asked == [(scene, 4, settings.replace(horizon=4))]
+    assert found.ground.settings == settings.replace(horizon=4)
+    assert found.rules == ("R_SLOW",)
+    assert [v.pair for v in found] == [ActionPair.parse("keep,follow-lane"), ALL_PAIRS[1]]
+    assert "R_SLOW" in str(found[0].reason)
+    assert found[0].duration_s > 0.0
+    plain = verify(scene, "keep,follow-lane", rules=["G(v <= 9)"], horizon=2, reasons=False)
+    assert (plain[0].status, plain[0].reason) == (Status.UNSAFE, None)
+    told = verify(scene, "keep,follow-lane", rules=["G(v <= 9)"], horizon=2)
+    assert verify_pair(told.ground, told[0].pair, ("G(v <= 9)",)).reason == told[0].reason
+    assert verify_on(told.ground, [told[0].pair], ("G(v <= 9)",))[0].reason == told[0].reason
+    assert "G(v <= 9)" in str(told[0].reason)
+
+
+def test_without_anything_given_all_pairs_are_verified_as_the_settings_say() -> None:
+    found = verify(Course().scene())
+    assert [v.pair for v in found] == list(ALL_PAIRS)
+    assert found.ground.settings == Settings()
+    assert found.ground.horizon == Settings().horizon
+    assert found.ground.prediction.kind == "most-likely"
+    assert found.rules == ()
+
+
+def test_bounds_of_motion_are_those_of_the_settings() -> None:
+    settings = Settings(
+        horizon=2, a_lon_min=-3.0, a_lon_max=2.0, a_lat_max=1.0, v_max=10.3, v_lat_max=0.15
+    )
+    base = empty_road(settings, speed=10.0)
+    found = compute(base, Specification(ALL_PAIRS[0], ()))
+    lon = [b.speeds for b in found.steps[2]]
+    lat = [v for b in found.steps[2] for _, v in b.lat]
+    assert min(low for low, _ in lon) == pytest.approx(10.0 - 0.6)
+    assert max(high for _, high in lon) == pytest.approx(10.3)
+    assert (min(lat), max(lat)) == pytest.approx((-0.15, 0.15))
+    nowhere = tuple(np.ones_like(m) for m in base.forbidden)
+    assert compute(base, Specification(ALL_PAIRS[0], ()), nowhere).first_empty_step == 0
+
+
+def test_a_figure_of_verdicts(tmp_path: Path) -> None:
+    found = verify_on(empty_road(), [ALL_PAIRS[0]])
+    sizes = []
+    for dpi in (40, 80):
+        path = found.figure(tmp_path / f"{dpi}.png", dpi=dpi, three_d=False)
+        assert path == tmp_path / f"{dpi}.png"
+        sizes.append(plt.imread(path).shape)
+    assert sizes[1][:2] == pytest.approx((2 * sizes[0][0], 2 * sizes[0][1]), abs=2)
+
+
+def test_the_ground_of_all_pairs() -> None:
+    """One lane of each relation; curvature by column; limits of the own lanes alone."""
+    course = Course(0.02)
+    opposite = course.lane("opposite", 120, 8.75, 5.25, limit=7.0)
+    other = course.lane("other", 121, 8.75, 12.25, limit=8.0)
+    car = course.car(2, 6.0, 0.0, 5.0)
+    scene = course.scene([*course.lanes(limit=15.0), opposite, other], [car])
+    base = ground(scene, prediction(scene, 4), Settings(horizon=4))
+    assert [name for name, _ in base.bands] == ["current", "right", "left", "opposite"]
+    assert [[len(step) for step in steps] for steps in base.leaders] == [[1] * 5, *[[0] * 5] * 3]
+    assert [limit[2:] for limit in base.limits] == [(None, None), (15.0, 15.0), (None, None)]
+    low, high = base.curvature
+    assert low.shape == high.shape == (base.lattice.columns,)
+    assert (low <= high).all()
+    assert low == pytest.approx(0.02, abs=1e-3)
+    assert high == pytest.approx(0.02, abs=1e-3)
+    assert len(base.forbidden) == 5
+    # a sharper corner shows in the columns beside it
+    line = scene.frame.stations
+    s = base.lattice.corners()[0]
+    at = scene.frame.curvature(line)
+    for i in range(base.lattice.columns):
+        here = (line >= s[i]) & (line <= s[i + 1])
+        assert (at[here] <= high[i] + 1e-4).all()
+        assert (at[here] >= low[i] - 1e-4).all()
+    assert base.obstacles_at(0, base.forbidden[0]) == [0]
+    without = base.forbidden_without(0, road=False)
+    assert len(without) == 5
+    assert not any(mask.any() for mask in without)
+    assert [m.tolist() for m in base.forbidden_without(0)] == [base.off_road.tolist()] * 5

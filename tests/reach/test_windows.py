@@ -60,3 +60,96 @@ def test_blocks_find_the_cells_that_all_corners_give(
         assert all((g == w).all() for g, w in zip(got, wanted, strict=True))
         assert (mask == np.any([nothing, *expected], axis=0)).all()
     assert sum(len(mine) for mine in found) > 20
+
+
+# ------------------------------------------------------------------ exactly on the boundary
+
+
+def forbids(region: Region, point: tuple[float, float], reach: float) -> bool:
+    """Whether a cell is forbidden whose four corners are one and the same point."""
+    car = Course().car(2, 20.0, 0.0)
+    predicted = PredictedObstacle(car, ((region,),), (), np.full((1, 5), np.nan))
+    corners = np.tile(np.array(point), (2, 2, 1))
+    ((several,),) = windows(Prediction("made up", 0.1, 0, (predicted,)), corners, np.array([reach]))
+    if not several:
+        return False
+    ((i0, i1, j0, j1, cells),) = several
+    assert (i0, i1, j0, j1) == (0, 1, 0, 1)
+    return bool(cells.all())
+
+
+SQUARE = np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 2.0], [0.0, 2.0]])
+SIDES = [((0.0, 1.0), (-1, 0)), ((4.0, 1.0), (1, 0)), ((2.0, 0.0), (0, -1)), ((2.0, 2.0), (0, 1))]
+
+
+@pytest.mark.parametrize(("point", "outwards"), SIDES)
+@pytest.mark.parametrize("radius", [0.0, 0.25])
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_cell_as_far_away_as_allowed_is_forbidden(
+    point: tuple[float, float], outwards: tuple[int, int], radius: float, turned: bool
+) -> None:
+    region = Region(SQUARE[::-1].copy() if turned else SQUARE, radius)
+    for away, there in ((0.5, True), (0.5 + 2.0**-40, False)):
+        at = np.array(point) + np.array(outwards) * (away + radius)
+        assert forbids(region, (at[0], at[1]), 0.5) == there
+    # on the border and inside; with no reach at all, only there
+    for away in (0.0, -0.5):
+        at = np.array(point) + np.array(outwards) * away
+        assert forbids(region, (at[0], at[1]), 0.5)
+        assert forbids(region, (at[0], at[1]), 0.0)
+        assert not forbids(region, (at[0], at[1]), -radius - 1.0)
+
+
+@pytest.mark.parametrize("outwards", [(-1, 0), (1, 0), (0, -1), (0, 1)])
+def test_discs_and_capsules_reach_as_far_in_every_direction(outwards: tuple[int, int]) -> None:
+    disc = Region(np.array([[1.0, 2.0]]), 0.25)
+    capsule = Region(np.array([[1.0, 2.0], [3.0, 2.0]]), 0.25)
+    for away, there in ((0.75, True), (0.75 + 2.0**-40, False)):
+        x, y = np.array([1.0, 2.0]) + np.array(outwards) * away
+        assert forbids(disc, (x, y), 0.5) == there
+        start = 3.0 if outwards[0] > 0 else 1.0
+        x, y = np.array([start, 2.0]) + np.array(outwards) * away
+        assert forbids(capsule, (x, y), 0.5) == there
+
+
+def test_a_needle_counts_as_its_longest_side() -> None:
+    """A polygon without area, and one with corners twice in the same place."""
+    needle = Region(np.array([[0.0, 0.0], [2.0, 0.0], [4.0, 0.0]]))
+    twice = Region(np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 0.0], [4.0, 2.0], [0.0, 2.0]]))
+    for region in (needle, twice):
+        assert forbids(region, (3.0, -0.5), 0.5)
+        assert forbids(region, (4.5, 0.0), 0.5)
+        assert not forbids(region, (3.0, -0.75), 0.5)
+        assert not forbids(region, (4.75, 0.0), 0.5)
+    assert forbids(needle, (3.0, 0.5), 0.5)
+    assert not forbids(needle, (3.0, 0.75), 0.5)
+
+
+def test_a_small_body_has_an_inside_as_well() -> None:
+    """The outline of somebody on foot: its middle is not as far from it as its sides are."""
+    for size in (0.5, 1e-3):
+        body = Region(np.array([[0.0, 0.0], [size, 0.0], [size, size], [0.0, size]]))
+        assert forbids(body, (size / 2, size / 2), 0.0)
+        assert not forbids(body, (size / 2, -size / 4), 0.0)
+
+
+def test_cells_need_all_their_corners_within_reach() -> None:
+    """A row of cells of 1 m along x, more than a block of them, above a wall from 2 to 12 m."""
+    car = Course().car(2, 20.0, 0.0)
+    wall = Region(np.array([[2.0, -1.0], [12.0, -1.0], [12.0, 0.0], [2.0, 0.0]]))
+    predicted = PredictedObstacle(car, ((wall,),), (), np.full((1, 5), np.nan))
+    x, y = np.arange(18.0), np.array([0.25, 0.5, 0.75])
+    corners = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1)
+    reach = np.full(17, 0.5)
+    reach[5] = 0.25  # reaches no upper corners
+    reach[6] = 0.75
+    ((((i0, i1, j0, j1, cells),),),) = windows(
+        Prediction("made up", 0.1, 0, (predicted,)), corners, reach
+    )
+    whole = np.zeros((17, 2), dtype=bool)
+    whole[i0:i1, j0:j1] = cells
+    expected = np.zeros((17, 2), dtype=bool)
+    expected[2:12, 0] = True
+    expected[5, 0] = False
+    expected[6, 1] = True
+    assert (whole == expected).all()

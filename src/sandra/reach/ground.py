@@ -7,7 +7,7 @@ the disc inscribed in the ego's body, which lies within the body whatever its he
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import hypot
+from math import hypot, isclose
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,7 +78,7 @@ def ground(scene: Scene, prediction: Prediction, settings: Settings) -> Ground:
     Raises:
         SettingsError: if the prediction was made with another time increment.
     """
-    if abs(prediction.dt - scene.dt) > 1e-9:
+    if not isclose(prediction.dt, scene.dt):
         raise SettingsError(
             f"the prediction has dt = {prediction.dt} s, the scene {scene.dt} s: predict again"
         )

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sandra.reach.lattice import Lattice
-from sandra.reach.polygon import Polygon
+from sandra.reach.polygon import Polygon, hull
 from sandra.scene.types import Scene
 from sandra.settings import Settings
 
@@ -30,13 +30,7 @@ def initial_set(scene: Scene, settings: Settings) -> tuple[Polygon, Polygon]:
 
 
 def _box(x: float, v: float, dx: float, dv: float) -> Polygon:
-    if dx == 0.0 and dv == 0.0:
-        return [(x, v)]
-    if dx == 0.0:
-        return [(x, v - dv), (x, v + dv)]
-    if dv == 0.0:
-        return [(x - dx, v), (x + dx, v)]
-    return [(x - dx, v - dv), (x + dx, v - dv), (x + dx, v + dv), (x - dx, v + dv)]
+    return hull([(x + i * dx, v + j * dv) for i in (-1, 1) for j in (-1, 1)])
 
 
 def lattice_of(
@@ -44,10 +38,9 @@ def lattice_of(
 ) -> Lattice:
     """Cells over all that the free set can touch, laterally as far as the road goes."""
     duration = horizon * scene.dt
+    fastest = max(settings.v_max, *(v for _, v in lon))
     farthest = max(
-        s + min(v * duration + settings.a_lon_max * duration**2 / 2, settings.v_max * duration)
-        if v <= settings.v_max
-        else s + v * duration
+        s + min(v * duration + settings.a_lon_max * duration**2 / 2, fastest * duration)
         for s, v in lon
     )
     # Within a step the speed may leave its bounds and come back: by the end of it, a quarter of

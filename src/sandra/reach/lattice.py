@@ -87,14 +87,14 @@ def boxes(mask: Mask, tolerance: int = 0, grow: bool = True, along_s: bool = Tru
         return []
     found: list[Box] = []
     band: list[Runs] = []
-    start = previous = -2
+    start = 0
 
     def close() -> None:
         if band:
+            end = start + len(band)
             for low, high in _merged(band, grow):
                 if low < high:
-                    pair = (low, high, start, previous + 1)
-                    found.append(pair if along_s else (pair[2], pair[3], pair[0], pair[1]))
+                    found.append((low, high, start, end) if along_s else (start, end, low, high))
 
     first, last = int(used[0]), int(used[-1])
     edges = np.diff(lines[first : last + 1].astype(np.int8), axis=1, prepend=0, append=0)
@@ -105,14 +105,11 @@ def boxes(mask: Mask, tolerance: int = 0, grow: bool = True, along_s: bool = Tru
         index = first + offset
         a, b = int(split[offset]), int(split[offset + 1])
         runs = list(zip(low_list[a:b], high_list[a:b], strict=True))
-        if not (index == previous + 1 and band and _similar(band, runs, tolerance)):
+        if not (band and _similar(band, runs, tolerance)):
             close()
             band, start = [], index
-        if runs:
+        if runs:  # a row without any is like none, so that a band has no gaps
             band.append(runs)
-            previous = index
-        else:
-            band, previous = [], -2
     close()
     return found
 

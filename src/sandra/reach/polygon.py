@@ -55,7 +55,7 @@ def cut(polygon: Polygon, a: float, b: float, c: float) -> Polygon:
         here, there = sides[i], sides[j]
         if here <= 0.0:
             kept.append(polygon[i])
-        if (here <= 0.0) != (there <= 0.0) and here != 0.0 and there != 0.0:
+        if here < 0.0 < there or there < 0.0 < here:
             t = here / (here - there)
             (x, y), (u, w) = polygon[i], polygon[j]
             kept.append((x + t * (u - x), y + t * (w - y)))
@@ -93,8 +93,6 @@ def propagate(polygon: Polygon, low: float, high: float, dt: float) -> Polygon:
     x0, v0 = low * dt * dt / 2, low * dt
     span = (high - low) * dt
     moved = [(x + v * dt + x0, v + v0) for x, v in polygon]
-    if span <= 0.0:
-        return limit_corners(hull(moved))
     half = span / 2
     steps = ((0.0, 0.0), (half * dt, half), (half * dt, span), (0.0, half))
     return limit_corners(hull([(x + p, v + q) for x, v in moved for p, q in steps]))

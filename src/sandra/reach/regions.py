@@ -124,7 +124,7 @@ def _touching(band: Band, side: float, lon: Polygon, lat: Polygon) -> list[Piece
         low, high = max(x.right_low - side, d_low), min(x.left_high + side, d_high)
         if low > high:
             continue
-        if found and abs(found[-1][1] - start) <= 1e-6:
+        if found and found[-1][1] == start:
             before = found[-1]
             lows = (min(before[2][0], low), max(before[2][1], low))
             highs = (min(before[3][0], high), max(before[3][1], high))

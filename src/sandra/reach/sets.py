@@ -123,8 +123,7 @@ def _union_area(rectangles: list[tuple[float, float, float, float]]) -> float:
         spans = sorted((r[2], r[3]) for r in rectangles if r[0] <= low and r[1] >= high)
         covered, end = 0.0, float("-inf")
         for a, b in spans:
-            if b > end:
-                covered += b - max(a, end)
-                end = b
+            covered += max(0.0, b - max(a, end))
+            end = max(end, b)
         total += covered * (high - low)
     return total

@@ -1,0 +1,103 @@
+"""The lattice's cells in the plane, where every number is known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+
+from reach_scenes import Course
+from sandra.reach.cells import bulge, grid, off_road
+from sandra.reach.lattice import Lattice
+from sandra.scene.frame import Frame
+from sandra.scene.types import Scene
+
+LATTICE = Lattice(38.0, -5.0, 0.5, 0.25, 8, 40)
+
+
+def test_points_of_a_grid() -> None:
+    scene = Course(angle=np.pi / 2).scene()
+    points = grid(scene, np.array([40.0, 42.0, 43.0]), np.array([-1.0, 2.0]))
+    # along y, with the ego at s = 40 m
+    expected = [[(1, 0), (-2, 0)], [(1, 2), (-2, 2)], [(1, 3), (-2, 3)]]
+    assert points == pytest.approx(np.array(expected, dtype=float))
+
+
+def bent(*corners: tuple[float, float]) -> Scene:
+    """A scene whose reference line has these corners."""
+    line = np.array(corners)
+    (pattern,) = Course().lanes(left=0, right=0)
+    lane = replace(pattern, center=line, frame=Frame(line))
+    return Course().scene([lane])
+
+
+def test_cells_bulge_by_a_quarter_of_length_times_turn() -> None:
+    """A corner of 0.2 rad at s = 40 m between segments of 40 and 20 m."""
+    scene = Course().scene()
+    assert bulge(scene, LATTICE) == pytest.approx(1e-6)
+    turn = 0.2
+    end = (40.0 + 20.0 * np.cos(turn), 20.0 * np.sin(turn))
+    kinked = bent((0.0, 0.0), (40.0, 0.0), end)
+    found = bulge(kinked, Lattice(38.25, -4.0, 0.5, 0.25, 8, 24))
+    # from 39.75 to 40.25 m; 4 m away lines are longer by the curvature there, 0.2 / 20
+    expected = np.full(8, 1e-6)
+    expected[3] += 0.5 * (1 + 4.0 * turn / 20.0) * turn / 4
+    # lines are longer beside the corner as well, but do not turn there
+    assert found == pytest.approx(expected)
+    # on a line of the lattice it belongs to both cells
+    on_line = bulge(kinked, Lattice(38.0, -2.0, 0.5, 0.25, 8, 24))
+    expected = np.full(8, 1e-6)
+    expected[3:5] += 0.5 * (1 + 4.0 * turn / 20.0) * turn / 4
+    assert on_line == pytest.approx(expected)
+
+
+def test_corners_in_one_cell_add_up_whichever_way_they_turn() -> None:
+    """To the left by 0.2 rad, then by 0.3 rad to the right, half a metre on."""
+    a = np.array([40.0, 0.0])
+    b = a + 0.5 * np.array([np.cos(0.2), np.sin(0.2)])
+    c = b + 30.0 * np.array([np.cos(-0.1), np.sin(-0.1)])
+    scene = bent((0.0, 0.0), tuple(a), tuple(b), tuple(c))
+    found = bulge(scene, Lattice(38.0, -0.5, 4.0, 0.25, 1, 4))
+    # the second turns most within the shorter of its segments
+    assert found == pytest.approx([4.0 * (1 + 0.5 * 0.3 / 0.5) * 0.5 / 4 + 1e-6])
+
+
+def test_off_the_road_are_cells_whose_disc_crosses_the_border_for_sure() -> None:
+    """On a straight road: the centre of the cell is further out than border, disc and half a
+    diagonal of the cell allow. At 1.75 m - 0.9 m + 0.28 m."""
+    scene = Course().scene(Course().lanes(left=0, right=0))
+    found = off_road(scene, LATTICE)
+    limit = 1.75 - 0.9 + np.hypot(0.5, 0.25) / 2
+    assert limit == pytest.approx(1.1295, abs=1e-4)
+    expected = np.abs(LATTICE.centers()[1]) > limit
+    assert (found == expected[None, :]).all()
+    assert expected.sum() == 30
+    # as wide as the ego is, not the lane
+    both = off_road(Course().scene(), LATTICE)
+    assert (both == (np.abs(LATTICE.centers()[1]) > limit + 3.5)[None, :]).all()
+
+
+def test_slits_between_lanelets_are_no_border() -> None:
+    course = Course()
+    lanes = course.lanes(left=0, right=0)
+    for slit, closed in ((0.15, True), (0.25, False)):
+        beside = course.lane("none", 110, 1.75 + slit, 5.25)
+        found = off_road(course.scene(lanes, more_lanelets=[beside]), LATTICE)
+        assert found[:, np.abs(LATTICE.centers()[1] - 1.8) < 0.2].any() != closed
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.5, 1.0, 1.5])
+def test_long_cells_on_the_outside_of_a_bend_at_the_end_of_the_road(offset: float) -> None:
+    """11 m to the outside of a bend of 20 m a cell is half as long again as on the line."""
+    course = Course(1 / 20, step=0.25)
+    scene = course.scene([course.lane("current", 100, -12.0, 1.75, start=-20.0, end=15.0)])
+    lattice = Lattice(20.0 + offset, -12.0, 2.0, 0.25, 12, 48)
+    found = off_road(scene, lattice)
+    corners = shapely.points(grid(scene, *lattice.corners()))
+    free = scene.lanelets[0].area()
+    inside = np.where(shapely.covers(free, corners), shapely.distance(free.boundary, corners), 0.0)
+    farthest = np.maximum(inside[1:], inside[:-1])
+    farthest = np.maximum(farthest[:, 1:], farthest[:, :-1])
+    # 0.1 m is what the closing of slits may take off a corner of the road
+    assert farthest[found].max() <= 0.9 + 0.1
+    assert 100 < found.sum() < found.size - 100
