@@ -101,13 +101,16 @@ def test_an_input_that_is_not_a_number_keeps_no_limit(column: int) -> None:
 
 
 def test_each_trajectory_for_itself() -> None:
-    inputs = np.zeros((3, 2, 2))
-    inputs[1, 1, 0] = 7.0
-    assert within_limits(np.zeros((3, 3, 5)), inputs, WHEELBASE, WIDE).tolist() == [
-        True,
-        False,
-        True,
-    ]
+    """In every other one of eighteen something else is wrong."""
+    states, inputs = np.zeros((18, 3, 5)), np.zeros((18, 2, 2))
+    inputs[1, 1, 0], inputs[3, 1, 0] = 7.0, -7.0
+    inputs[5, 0, 1] = 0.5
+    states[7, 2, STEERING] = 1.1
+    states[9, :, SPEED], states[9, :, STEERING] = 29.0, 0.5
+    states[11, 0, SPEED], states[13, 1, SPEED] = 31.0, -1.0
+    states[15, 2, 0], states[17, 0, 1] = np.inf, np.inf
+    found = within_limits(states, inputs, WHEELBASE, WIDE)
+    assert found.tolist() == [True, False] * 9
 
 
 @pytest.mark.parametrize("delta", [-1.0, -0.1, 0.0, 0.3, 1.0])
