@@ -10,7 +10,7 @@ import pytest
 
 import sandra
 from sandra.certificate import check_file, save
-from sandra.certify import Basis, Proven
+from sandra.certify import Basis, Proven, certify
 from sandra.errors import SandraError, SettingsError
 from sandra.prediction import predict
 from sandra.reach import Status, Verdicts, ground, verify_on
@@ -116,6 +116,13 @@ def changed(**columns: float) -> Planner:
 REFUSED: dict[str, tuple[Planner, str]] = {
     "NaN": (changed(x=np.nan), "0.70 s is not finite"),
     "infinite": (changed(speed=np.inf), "0.70 s is not finite"),
+    "at the end of the world": (changed(x=1e308), "0.70 s is out of this world"),
+    "so fast": (changed(speed=1e308), "breaks a limit: speed"),
+    "spinning": (changed(heading=1e300), "has another heading"),
+    "looking aside": (
+        changed(heading=ROAD.angle + 0.3),
+        "has another heading: 0.30 rad off at 0.7",
+    ),
     "backwards": (changed(speed=-1.0), "drives backwards"),
     "too short": (lambda scene: lane_follower(scene)[:-1], "too short: 15 states where 16"),
     "empty": (lambda scene: np.empty((0, 4)), "too short"),
@@ -222,10 +229,33 @@ def test_a_certified_verdict_is_judged_anew() -> None:
     assert again.status is Status.CERTIFIED, again
 
 
+def test_on_a_curve_the_drive_is_what_was_given() -> None:
+    """What another planner drives with the same model comes back, a lane change on a curve too."""
+    scene = sandra.load(sandra.example("merge"))
+    pair = "accelerate,left-lane"
+    verdicts = sandra.verify(scene, pair)
+    own = certify(Basis.of(verdicts.ground), verdicts[pair])
+    assert isinstance(own.proof, Proven), own
+    given = own.proof.witness.every(scene.dt)
+    again = sandra.certify_trajectory(verdicts, pair, given)
+    assert isinstance(again.proof, Proven), again
+    apart = np.abs(again.proof.witness.states - own.proof.witness.states).max(axis=0)
+    assert (apart < [2e-3, 2e-3, 2e-3, 1e-9, 1e-2]).all(), apart
+
+
 @pytest.mark.parametrize("step", [0.03, 0.2, 0.0, -0.1, np.nan, np.inf])
 def test_a_step_that_does_not_divide_dt(verdicts: Verdicts, step: float) -> None:
     with pytest.raises(SettingsError, match="integer part"):
         sandra.certify_trajectory(verdicts, PAIR, lane_follower(verdicts.ground.scene), step=step)
+
+
+@pytest.mark.parametrize("t_dec", [0.0, -0.1, 0.15, 1.6, 99.0, np.nan, np.inf])
+def test_a_decision_that_is_never_due(verdicts: Verdicts, t_dec: float) -> None:
+    states = lane_follower(verdicts.ground.scene)
+    with pytest.raises(SettingsError, match="must be due"):
+        sandra.certify_trajectory(verdicts, PAIR, states, t_dec=t_dec)
+    with pytest.raises(SettingsError, match="must be due"):
+        sandra.decide(verdicts.ground.scene, horizon=HORIZON, decision_period=t_dec)
 
 
 def test_a_basis_is_shared_and_must_fit(verdicts: Verdicts) -> None:

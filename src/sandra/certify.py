@@ -17,6 +17,7 @@ from sandra.certificate import Certificate, Report, certificate, check
 from sandra.errors import SettingsError
 from sandra.logic import Vocabulary
 from sandra.planning.cost import Weights
+from sandra.planning.fail_safe_rounds import ROUNDS, SAMPLED, Rounds
 from sandra.planning.fail_safe_search import FailSafe, fail_safe, fail_safe_horizon
 from sandra.planning.fail_safe_search import Miss as NoFailSafe
 from sandra.planning.given import driven
@@ -29,6 +30,9 @@ from sandra.reach import Ground, Status, Verdict, Verdicts
 MILDEST = 4.0
 """The prediction lasts long enough for braking this mild; milder ones are tried as far as it goes
 [m/s^2]."""
+MOST_OPTIMISED = 2
+"""For so many of a pair's witnesses the fail-safe's speed is optimised where samples fail: what
+blocks the first mostly blocks the others too."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,9 +65,19 @@ class Basis:
 
     @staticmethod
     def of(ground: Ground, t_dec: float | None = None) -> Basis:
-        """Prepare a ground; the next decision is due after one step unless `t_dec` says else."""
+        """Prepare a ground; the next decision is due after one step unless `t_dec` says else.
+
+        Raises:
+            SettingsError: if `t_dec` is no multiple of `scene.dt` within the horizon.
+        """
         scene, settings = ground.scene, ground.settings
         due = scene.dt if t_dec is None else t_dec
+        last = ground.horizon * scene.dt
+        if not 0.0 < due <= last + 1e-9 or abs(round(due / scene.dt) * scene.dt - due) > 1e-9:
+            raise SettingsError(
+                f"the next decision at {due!r} s must be due at a multiple of dt = {scene.dt:g} s, "
+                f"at the latest at the horizon of {last:g} s"
+            )
         steps = fail_safe_horizon(scene, settings, due, MILDEST)
         given = ground.prediction
         if given.kind == "set-based" and given.horizon >= steps:
@@ -136,8 +150,9 @@ def certify_trajectory(
 ) -> Verdict:
     """Certify a trajectory that a planner of the user's own has planned for a pair.
 
-    It is driven with the single-track model, which may not leave it by more than 0.1 m; that drive
-    is the witness. It gets a fail-safe continuation, and the independent checker decides.
+    It is driven with the single-track model, which may not leave it by more than 0.1 m, 0.1 rad or
+    0.1 m/s; that drive is the witness. It gets a fail-safe continuation, and the independent
+    checker decides.
 
     Args:
         verdicts: of `sandra.verify` or of a decision; they hold scene, prediction and rules.
@@ -210,7 +225,9 @@ def _judged(
     return replace(verdict, status=Status.CERTIFIED, proof=proof)
 
 
-def _continuation(basis: Basis, trajectory: Trajectory) -> FailSafe | NoFailSafe:
+def _continuation(
+    basis: Basis, trajectory: Trajectory, rounds: Rounds = ROUNDS
+) -> FailSafe | NoFailSafe:
     """The fail-safe from a trajectory's state at the next decision."""
     index = round((basis.t_dec - trajectory.start) / trajectory.tau)
     return fail_safe(
@@ -220,6 +237,7 @@ def _continuation(basis: Basis, trajectory: Trajectory) -> FailSafe | NoFailSafe
         basis.set_based,
         basis.ground.settings,
         basis.of_fail_safe,
+        rounds,
     )
 
 
@@ -229,10 +247,13 @@ class _Continuations:
 
     basis: Basis
     found: FailSafe | None = field(default=None)
+    asked: int = 0
 
     def wrong_with(self, trajectory: Trajectory) -> str | None:
         """None if the witness can be continued safely, else in words why not."""
-        found = _continuation(self.basis, trajectory)
+        rounds = ROUNDS if self.asked < MOST_OPTIMISED else SAMPLED
+        self.asked += 1
+        found = _continuation(self.basis, trajectory, rounds)
         if isinstance(found, FailSafe):
             self.found = found
             return None

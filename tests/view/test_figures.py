@@ -125,8 +125,9 @@ def test_a_decision_shows_all_its_parts(
     path = decision_figure(decision, tmp_path / "d.png")
     assert path.read_bytes().startswith(b"\x89PNG")
     page = pages[0]
-    # The map, time upwards, the colour bar, and one panel per pair.
-    assert len(page.figure.axes) == 3 + 3
+    # The map, time upwards, the colour bar; what is driven, its speed and its acceleration; and
+    # one panel per pair.
+    assert len(page.figure.axes) == 3 + 3 + 3
     assert sum(ax.name == "3d" for ax in page.figure.axes) == 1
     shown = words(page)
     for text in ("TST_Straight-1_1_T-1", "fixed", "drive faster", "most-likely", "h = 8"):
@@ -155,7 +156,7 @@ def test_vector_formats_without_the_3d_view(
     decision: Decision, pages: list[Page], tmp_path: Path, suffix: str, begin: bytes
 ) -> None:
     content = decision.figure(tmp_path / f"d.{suffix}", three_d=False).read_bytes()
-    assert len(pages[0].figure.axes) == 2 + 3
+    assert len(pages[0].figure.axes) == 2 + 3 + 3
     assert content.startswith(begin)
     # No date, so that the same input can give the same file.
     assert b"CreationDate" not in content
@@ -202,12 +203,70 @@ def test_nothing_ranked(pages: list[Page], tmp_path: Path) -> None:
     ranker = Fixed(failure=Failure.TIMEOUT, detail="no answer within 30 s")
     decision = decide(street(), ranker, horizon=HORIZON, accept="reachable")
     decision_figure(decision, tmp_path / "d.png", dpi=60)
-    assert len(pages[0].figure.axes) == 3
+    assert len(pages[0].figure.axes) == 3 + 3
     shown = words(pages[0])
     assert "timeout" in shown
     assert "fail-safe" in shown
     assert "▶" not in shown
     assert_legible(pages[0])
+
+
+@pytest.mark.parametrize("period", [None, 0.5, 0.8])
+def test_a_certified_decision_shows_both_trajectories_and_when_they_part(
+    pages: list[Page], tmp_path: Path, period: float | None
+) -> None:
+    road = Road(angle=2.5, x=50.0)
+    scene = road.scene(
+        road.obstacle(11, 60.0, 0.0, speed=13.0),
+        road.obstacle(12, -20.0, 3.5, speed=13.0),
+        lanes=road.three_lanes(),
+        speed=13.0,
+    )
+    decision = decide(
+        scene, Fixed("decelerate,follow-lane"), horizon=HORIZON, decision_period=period
+    )
+    assert decision.maneuver.kind == "certified"
+    decision_figure(decision, tmp_path / "d.png")
+    page = pages[0]
+    # The map, time upwards, the colour bar; two strips and two profiles; the panel.
+    assert len(page.figure.axes) == 3 + 4 + 1
+    shown = words(page)
+    assert "planned: decelerate, follow-lane, through 0.8 s" in shown
+    assert "fail-safe if no new decision comes: stands at" in shown
+    assert f"next decision due at {decision.maneuver.fail_safe_start:g} s" in shown
+    assert "speed limit" in shown
+    assert_legible(page)
+    # Told apart without colour: three different dashes on the map and in the profiles.
+    for ax in (page.figure.axes[0], page.figure.axes[-3], page.figure.axes[-2]):
+        wide = [line for line in ax.get_lines() if line.get_linewidth() >= 1.3]
+        dashes = {str(line.get_linestyle()) + str(line._dash_pattern) for line in wide}
+        assert len(dashes) >= (2 if period == 0.8 else 3)
+
+
+def test_the_fail_safe_profile_ends_at_zero(pages: list[Page], tmp_path: Path) -> None:
+    decision = decide(street(), Fixed(failure=Failure.EMPTY), horizon=HORIZON)
+    assert decision.maneuver.kind == "fail-safe"
+    decision_figure(decision, tmp_path / "d.png", three_d=False)
+    speed = next(ax for ax in pages[0].figure.axes if "stands at" in _texts(ax))
+    curve = max(speed.get_lines(), key=lambda line: len(line.get_xdata()))
+    assert curve.get_ydata()[0] == pytest.approx(decision.scene.ego.state.speed)
+    assert curve.get_ydata()[-1] == pytest.approx(0.0, abs=1e-6)
+    assert (np.diff(curve.get_ydata()) <= 1e-9).all()
+    assert_legible(pages[0])
+
+
+def _texts(ax: Any) -> str:
+    return "\n".join(text.get_text() for text in ax.texts)
+
+
+@pytest.mark.parametrize("accept", ["certified", "reachable"])
+def test_a_standing_ego(pages: list[Page], tmp_path: Path, accept: str) -> None:
+    for pairs in (("stop,follow-lane",), ("accelerate,follow-lane",), ()):
+        ranker = Fixed(*pairs, failure=None if pairs else Failure.EMPTY)
+        decision = decide(street(speed=0.0), ranker, horizon=HORIZON, accept=accept)
+        decision_figure(decision, tmp_path / "d.png", three_d=False)
+        assert_legible(pages[-1])
+        assert "speed and acceleration" in words(pages[-1])
 
 
 def test_who_is_in_the_way_is_named_by_the_reason(decision: Decision) -> None:

@@ -158,10 +158,7 @@ def lateral_paths(
         if not picked:
             found.append((mine, None))
             continue
-        kept = replace(
-            along, way=along.way[picked], steering=along.steering[picked], valid=along.valid[picked]
-        )
-        found.append(([mine[i] for i in picked], kept))
+        found.append(([mine[i] for i in picked], along.only(picked)))
     return found
 
 

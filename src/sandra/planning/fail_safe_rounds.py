@@ -12,12 +12,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sandra.planning import strategies
-from sandra.planning.fail_safe_candidates import Array, Attempt, Task
+from sandra.planning.fail_safe_candidates import Array, Attempt, Task, lateral_paths
+from sandra.planning.optimised_profiles import profiles
+from sandra.planning.path_gaps import Track
 
 LONGEST = 8.0
 """Fail-safe maneuvers last at most so long, unless full braking takes longer [s]."""
 STANDING = 1e-6
 """Speeds up to this are a standstill [m/s]."""
+MOST_DISTANCE = 150.0
+"""Speeds are optimised over so much of a path at most [m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,8 +36,8 @@ def braking(task: Task) -> Round:
     """Constant decelerations in the lane, and completing or aborting a lane change."""
     if task.speed <= STANDING:
         return Round(())
-    profiles = _braking_profiles(task)
-    if not profiles:
+    speeds = _braking_profiles(task)
+    if not speeds:
         if not len(task.levels):
             text = "a_lon_min allows no braking"
         else:
@@ -43,19 +47,19 @@ def braking(task: Task) -> Round:
             )
         return Round((), ((strategies.BRAKE, text),))
     aims = strategies.stopping_aims(task.scene, task.state, task.now)
-    return Round((Attempt(aims, profiles),))
+    return Round((Attempt(aims, speeds),))
 
 
 def evading(task: Task) -> Round:
     """The same decelerations, to either side within the lane."""
     if task.speed <= STANDING:
         return Round(())
-    profiles = _braking_profiles(task)
-    if not profiles:
+    speeds = _braking_profiles(task)
+    if not speeds:
         return Round(())
-    distance = max(task.driven(p) for p in profiles)
+    distance = max(task.driven(p) for p in speeds)
     aims = strategies.evading_aims(task.scene.ego, task.state, task.now, distance)
-    return Round((Attempt(aims, profiles),))
+    return Round((Attempt(aims, speeds),))
 
 
 def leaving(task: Task) -> Round:
@@ -70,23 +74,59 @@ def leaving(task: Task) -> Round:
         s = frame.to_curvilinear(area)[:, 0]
         if s.max() > s0 - half and s.min() < s0 + half + task.speed * LONGEST:
             exits.append(float(s.max()) + half + 0.3 - s0)
-    profiles: list[Array] = []
+    speeds: list[Array] = []
     for distance in sorted(exits)[:4]:
-        profiles += strategies.leaving(
+        speeds += strategies.leaving(
             task.speed, distance, task.tau, task.top, task.levels, task.most
         )
-    if not profiles:
+    if not speeds:
         text = "no way out of it in the time predicted"
         return Round((), ((strategies.LEAVE, text),) if exits else ())
     aims = strategies.stopping_aims(task.scene, task.state, task.now)
     picked = [a for a in aims if np.isnan(a.target)] + [a for a in aims if a.target == 0.0]
     renamed = [replace(a, strategy=strategies.LEAVE) for a in picked]
-    return Round((Attempt(renamed, profiles),))
+    return Round((Attempt(renamed, speeds),))
+
+
+def optimising(task: Task) -> Round:
+    """Speed profiles from an optimisation, on a few paths in the lane or across lanes."""
+    if not len(task.levels):
+        return Round(())
+    distance = min(_farthest(task), MOST_DISTANCE)
+    # To each goal one path, not too abrupt: the time is better spent on speeds.
+    aims = strategies.stopping_aims(task.scene, task.state, task.now)
+    length = strategies.lengths(task.speed)[:2][-1]
+    picked = [aim for aim in aims if aim.length == length]
+    attempts = []
+    reasons: list[str] = []
+    for mine, along in lateral_paths(task, picked, distance):
+        if along is None:
+            continue
+        for row, aim in enumerate(mine):
+            track = Track.of(task, along.only([row]))
+            found, reason = ([], "the path is too short") if track is None else profiles(track)
+            if found:
+                renamed = replace(aim, strategy=strategies.OPTIMISE)
+                attempts.append(Attempt([renamed], found, distance))
+            else:
+                reasons.append(reason)
+    return Round(tuple(attempts), ((strategies.OPTIMISE, reasons[0]),) if reasons else ())
+
+
+def _farthest(task: Task) -> float:
+    """How far the ego could drive at most until it stands when the prediction ends [m]."""
+    time = task.tau * np.arange(task.most + 1)
+    speeding = task.speed + max(task.limits.a_lon_max, 0.0) * time
+    return task.driven(np.minimum(np.minimum(speeding, task.top), task.levels[-1] * time[::-1]))
 
 
 def _braking_profiles(task: Task) -> list[Array]:
     return strategies.braking(task.speed, task.tau, task.levels, task.most)
 
 
-ROUNDS: tuple[Callable[[Task], Round], ...] = (braking, evading, leaving)
-"""In the order in which they are tried."""
+Rounds = tuple[Callable[[Task], Round], ...]
+
+SAMPLED: Rounds = (braking, evading, leaving)
+"""The rounds without the optimisation, which takes about as long as these together."""
+ROUNDS: Rounds = (*SAMPLED, optimising)
+"""All, in the order in which they are tried."""

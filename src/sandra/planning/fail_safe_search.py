@@ -5,15 +5,16 @@ assumptions: the full body meets no occupancy at any instant until it stands, st
 and stands outside the conflict areas of intersections. From then on nothing is checked: that
 others do not drive into a standing car is the assumption that makes a standstill the end.
 
-Strategies in two rounds, then a third if a conflict area is in the way; in each round the mildest
-maneuver that holds is kept (smallest peak of the total acceleration):
+Strategies in rounds (`fail_safe_rounds`); in each the mildest maneuver that holds is kept (smallest
+peak of the total acceleration), and the next is made only if none does:
 
 1. brake in the lane (straighten, or go to its centre), complete or abort a lane change;
 2. evade within the lane, to either side;
-3. leave the conflict area ahead or underneath before braking.
+3. leave the conflict area ahead or underneath before braking;
+4. on the paths of the first round, speeds from an optimisation (`optimised_profiles`).
 
 Method 6 (fail-safe); after Magdici & Althoff, "Fail-safe motion planning of autonomous vehicles",
-2016, with samples in place of optimisation.
+2016, with samples before the optimisation.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from sandra.errors import SettingsError
 from sandra.planning import strategies
 from sandra.planning.fail_safe_candidates import Task, simulate
 from sandra.planning.fail_safe_checks import Failures, mildest_that_holds, standing
-from sandra.planning.fail_safe_rounds import LONGEST, ROUNDS, STANDING
+from sandra.planning.fail_safe_rounds import LONGEST, ROUNDS, STANDING, Rounds
 from sandra.planning.single_track import SPEED
 from sandra.planning.surroundings import Surroundings
 from sandra.planning.types import FailSafe, Margins
@@ -79,6 +80,7 @@ def fail_safe(
     set_based: Prediction,
     settings: Settings,
     shared: Surroundings | None = None,
+    rounds: Rounds = ROUNDS,
 ) -> FailSafe | Miss:
     """The mildest fail-safe trajectory that was found, or why none was.
 
@@ -88,6 +90,7 @@ def fail_safe(
         set_based: the set-based prediction, made at time 0. Maneuvers that last longer than it
             are not tried (`fail_safe_horizon`).
         shared: `Surroundings.of(scene, set_based)`, where more than one search is made.
+        rounds: what is tried, in this order; default all `ROUNDS`.
 
     Raises:
         SettingsError: if the prediction is not set-based or has another time step than the scene,
@@ -106,7 +109,7 @@ def fail_safe(
         found = standing(task, failures, strategies.BRAKE)
         if found is not None:
             return found
-    for make in ROUNDS:
+    for make in rounds:
         attempts = make(task)
         for strategy, reason in attempts.missing:
             failures.add(strategy, reason, 0.0)

@@ -28,6 +28,8 @@ APART = 0.1
 """What is driven stays so near to what was given [m, rad, m/s]."""
 AT_START = 0.05
 """The first state that is given is the ego's up to this [m, rad, m/s]."""
+FAR = 1e5
+"""Nobody comes so far within a horizon [m]."""
 CREEPING = 1.0
 """Below this speed the direction of motion is taken from the heading [m/s]."""
 
@@ -64,7 +66,7 @@ def driven(
     if wrong is not None:
         return Miss(wrong)
     given = given[: len(times)]
-    track, speed = _reference(around, times, given)
+    track, heading, speed = _reference(around, times, given)
     limits = Limits.of(around.ground.settings, 0.0)
     tau, per_step = fine_step(around.ground.scene.dt)
     wrong = _beyond(track, speed, tau, limits)
@@ -75,7 +77,7 @@ def driven(
     enforced = Limits.of(around.ground.settings)
     start = start_state(around.ground)
     followed, inputs = follow(start, track, tau, ego.wheelbase, enforced)
-    wrong = _away(followed[0], track, speed, tau)
+    wrong = _away(followed[0], track, heading, speed, tau)
     if wrong is not None:
         return Miss(wrong)
     if not within_limits(followed, inputs, ego.wheelbase, limits)[0]:
@@ -128,6 +130,9 @@ def _unusable(around: Surroundings, times: Array, given: Array) -> str | None:
             f"it starts elsewhere: its {_NAMES[worst]} is {abs(away[worst]):.2f} {_UNITS[worst]} "
             "from the ego's"
         )
+    far = np.abs(given[: len(times), :2] - given[0, :2]).max(axis=1) > FAR
+    if far.any():
+        return f"its place at {times[int(np.argmax(far))]:.2f} s is out of this world"
     speed = given[: len(times), 3]
     if speed.min() < 0.0:
         row = int(np.argmin(speed))
@@ -135,8 +140,8 @@ def _unusable(around: Surroundings, times: Array, given: Array) -> str | None:
     return None
 
 
-def _reference(around: Surroundings, times: Array, given: Array) -> tuple[Reference, Array]:
-    """The states on the fine grid: what is followed, and (n+1,) the speeds there."""
+def _reference(around: Surroundings, times: Array, given: Array) -> tuple[Reference, Array, Array]:
+    """The states on the fine grid: what is followed, and (n+1,) headings and speeds there."""
     from scipy.interpolate import CubicSpline
 
     tau, per_step = fine_step(around.ground.scene.dt)
@@ -147,7 +152,8 @@ def _reference(around: Surroundings, times: Array, given: Array) -> tuple[Refere
     speed[0] = around.ground.scene.ego.state.speed
     heading = np.interp(fine, times, np.unwrap(given[:, 2]))
     course = np.where(speed > CREEPING, np.arctan2(velocity[:, 1], velocity[:, 0]), heading)
-    return Reference(points[None], course[None], np.diff(speed)[None] / tau), speed
+    track = Reference(points[None], course[None], np.diff(speed)[None] / tau)
+    return track, heading, speed
 
 
 def _beyond(track: Reference, speed: Array, tau: float, limits: Limits) -> str | None:
@@ -168,22 +174,27 @@ def _beyond(track: Reference, speed: Array, tau: float, limits: Limits) -> str |
     return None
 
 
-def _away(followed: Array, track: Reference, speed: Array, tau: float) -> str | None:
+def _away(
+    followed: Array, track: Reference, heading: Array, speed: Array, tau: float
+) -> str | None:
     """How far the model is from what was given, where that is too far."""
     distance = np.linalg.norm(followed[:, :2] - track.points[0], axis=1)
     i = int(np.argmax(distance))
-    if distance[i] > APART:
+    if not distance[i] <= APART:
         return (
             "the single-track model cannot follow it within its limits: it is up to "
             f"{distance[i]:.2f} m away, at {i * tau:.2f} s"
         )
-    faster = np.abs(followed[:, 3] - speed)
-    i = int(np.argmax(faster))
-    if faster[i] > APART:
-        return (
-            f"the single-track model cannot keep its speed: {faster[i]:.2f} m/s off at "
-            f"{i * tau:.2f} s"
-        )
+    for what, unit, gap in (
+        ("heading", "rad", np.abs(_turned(followed[:, 2] - heading))),
+        ("speed", "m/s", np.abs(followed[:, 3] - speed)),
+    ):
+        i = int(np.argmax(gap))
+        if not gap[i] <= APART:
+            return (
+                f"the single-track model, where it follows it, has another {what}: {gap[i]:.2f} "
+                f"{unit} off at {i * tau:.2f} s"
+            )
     return None
 
 
@@ -242,5 +253,6 @@ def _m(values: Array) -> str:
     return f"{float(values.max()):.2f} m"
 
 
-def _turned(angle: float) -> float:
-    return float((angle + np.pi) % (2 * np.pi) - np.pi)
+def _turned(angle: Array) -> Array:
+    """The same angles between -pi and pi [rad]."""
+    return np.asarray((angle + np.pi) % (2 * np.pi) - np.pi)

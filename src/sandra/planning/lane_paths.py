@@ -58,6 +58,10 @@ class Paths:
     steering: Array
     valid: NDArray[np.bool_]
 
+    def only(self, rows: list[int]) -> Paths:
+        """Some of them."""
+        return Paths(self.way[rows], self.steering[rows], self.valid[rows])
+
 
 def guide(frame: Frame, state: Array, wheelbase: float, distance: float) -> Guide | None:
     """The line along `frame` from abeam of the state (5,) over `distance` [m].

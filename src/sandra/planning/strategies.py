@@ -1,7 +1,7 @@
 """What a fail-safe maneuver may try: where to go across the lane, and how to brake.
 
 An `Aim` is a lateral goal with the name of its strategy; a speed profile goes down to 0. Which
-combination is safe, and which of those the mildest, is decided in `fail_safe_search`.
+combination is safe, and which of those the mildest, is decided in `fail_safe_checks`.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ COMPLETE = "complete the lane change"
 ABORT = "abort the lane change"
 EVADE = "evade within the lane"
 LEAVE = "leave the conflict area"
+OPTIMISE = "optimise the speed"
 
 MILDEST = 2.0
 """The mildest deceleration that is tried [m/s^2]."""

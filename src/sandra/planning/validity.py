@@ -269,6 +269,10 @@ class Road:
         """(N,) whether bodies (N, n+1) are on the road or nearly so, by their corners alone."""
         return self._corners(self.rough, states, ego)
 
+    def contains(self, states: Array, ego: Ego) -> Bools:
+        """(N,) whether all corners of bodies (N, n+1) are on the road: needed, not enough."""
+        return self._corners(self.area, states, ego)
+
     def _corners(self, area: Any, states: Array, ego: Ego) -> Bools:
         import shapely
 

@@ -44,7 +44,8 @@ def decision_figure(
         main = view.positions(executed.reachable_set.corridor())
         caption = f"driving corridor of {table.pair_name(executed)}"
     lines = header.of_decision(decision)
-    content = Content(decision.ground, rows, lines, positions, main, caption, decision.maneuver)
+    shown = (positions, main, caption, decision.maneuver, decision.certificate)
+    content = Content(decision.ground, rows, lines, *shown)
     return compose(content, view, three_d=three_d).save(where, dpi)
 
 

@@ -26,7 +26,7 @@ def draw(
 ) -> None:
     """Draw the strip, `wide` inches wide. The bar at its right is drawn if there is a horizon.
 
-    Entries are (kind, text); for the kinds see `_BOXES`, others are lines.
+    Entries are (kind, text); for the kinds see `_BOXES`, others are those of `palette.LINES`.
     """
     for x, line, (kind, text) in _placed(entries, wide, horizon is not None):
         middle = top + 0.14 + line * _LINE
@@ -117,5 +117,4 @@ def _sample(page: Page, x: float, middle: float, kind: str) -> None:
     if kind in _BOXES:
         page.rectangle(x, middle - 0.05, 0.27, 0.1, **_BOXES[kind])
         return
-    colour = palette.FAIL_SAFE if kind == "fail-safe" else palette.TRAJECTORY
-    page.rectangle(x, middle, 0.27, 0.0, facecolor="none", edgecolor=colour, linewidth=1.6)
+    page.line(x, middle, 0.29, **palette.LINES[kind])

@@ -108,6 +108,14 @@ class Page:
             )
         )
 
+    def line(self, left: float, top: float, width: float, **options: Any) -> None:
+        """A horizontal line."""
+        from matplotlib.lines import Line2D
+
+        y = 1.0 - top / self.height
+        ends = [left / self.width, (left + width) / self.width]
+        self.figure.add_artist(Line2D(ends, [y, y], transform=self.figure.transFigure, **options))
+
     def save(self, path: Path, dpi: int) -> Path:
         """Write the file in one go, so that no half of a picture is left behind.
 

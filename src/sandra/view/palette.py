@@ -41,6 +41,15 @@ EXECUTED = INK
 EXECUTED_ROW = "#eef3f8"
 RULE = "#c9cdd2"
 
+LINES: dict[str, dict[str, Any]] = {
+    "planned": {"color": TRAJECTORY, "linewidth": 1.6, "linestyle": "-"},
+    "planned on": {"color": TRAJECTORY, "linewidth": 1.3, "linestyle": (0, (3.5, 1.6))},
+    "fail-safe": {"color": FAIL_SAFE, "linewidth": 1.9, "linestyle": (0, (6, 1.2, 1, 1.2))},
+    "given": {"color": BLUE, "linewidth": 1.9, "linestyle": (0, (1.3, 1.1))},
+}
+"""Trajectories: planned until the next decision, and from there on; fail-safe; that of a planner
+of the user's own. Dashes tell them apart in a grey print."""
+
 LIGHTS = {
     "red": (VERMILLION, "R"),
     "yellow": (ORANGE, "Y"),

@@ -232,6 +232,19 @@ def _patch(ax: Any, path: Any, **options: Any) -> None:
         ax.add_artist(PathPatch(path, **options))
 
 
+def draw_path(ax: Any, path: Array, kind: str, zorder: float) -> None:
+    """A path (n, 2) in view coordinates; `kind` is a key of `palette.LINES`."""
+    from matplotlib.patheffects import Normal, withStroke
+
+    ax.plot(
+        path[:, 0],
+        path[:, 1],
+        zorder=zorder,
+        path_effects=[withStroke(linewidth=2.8, foreground=palette.PAPER), Normal()],
+        **palette.LINES[kind],
+    )
+
+
 def patch(ax: Any, geometry: Any, **options: Any) -> None:
     """A geometry in view coordinates as a patch, if it has any area."""
     if polygons(geometry):

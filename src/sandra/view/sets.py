@@ -9,7 +9,8 @@ import numpy as np
 from sandra.planning.types import Maneuver
 from sandra.reach import Ground, Verdict
 from sandra.view import palette
-from sandra.view.scene import patch
+from sandra.view.profile import curves_of
+from sandra.view.scene import draw_path, patch
 from sandra.view.shapes import View
 
 if TYPE_CHECKING:
@@ -40,22 +41,11 @@ def draw_trajectory(
     ax: Any, view: View, maneuver: Maneuver, horizon: int, colours: Any, *, every: int = 5
 ) -> None:
     """The planned path, and the fail-safe one; dots have the colour of their time step."""
-    from matplotlib.patheffects import Normal, withStroke
-
     line = view.points(maneuver.states)
-    paths = [(line, maneuver.pair is None)]
-    if maneuver.pair is not None and maneuver.fail_safe is not None:
-        paths.append((view.points(maneuver.fail_safe), True))
-    for path, fail_safe in paths:
-        ax.plot(
-            path[:, 0],
-            path[:, 1],
-            color=palette.FAIL_SAFE if fail_safe else palette.TRAJECTORY,
-            linewidth=1.5,
-            linestyle=(0, (4, 1.5)) if fail_safe else "-",
-            zorder=6.0,
-            path_effects=[withStroke(linewidth=2.8, foreground=palette.PAPER), Normal()],
-        )
+    for curve in curves_of(maneuver):
+        path = view.points(curve.states)
+        for kind, rows in curve.parts:
+            draw_path(ax, path[rows], kind, 6.0)
     steps = np.arange(0, len(line), every)
     ax.scatter(
         line[steps, 0],

@@ -7,12 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sandra.certificate import Certificate
 from sandra.planning.types import Maneuver
 from sandra.reach import Ground
 from sandra.view import header, legend, palette, table
 from sandra.view.chart import CAPTION, TICKS, draw_chart, fit
+from sandra.view.driven import Driven, Strip, others_at
 from sandra.view.page import MARGIN, Page
 from sandra.view.panels import GAP, Grid, draw_panel
+from sandra.view.profile import curves_of
 from sandra.view.scene import near, shows_goal
 from sandra.view.sets import blocking
 from sandra.view.shapes import View, Window, bounds, grown
@@ -40,6 +43,8 @@ class Content:
     """Those that the map and the 3-D view show: the corridor, or the set of one pair."""
     caption: str
     maneuver: Maneuver | None
+    certificate: Certificate | None = None
+    """That of the maneuver, where it has one."""
 
 
 def compose(content: Content, view: View, *, three_d: bool = True) -> Page:
@@ -55,8 +60,10 @@ def compose(content: Content, view: View, *, three_d: bool = True) -> Page:
     entries = _entries(content, view, window)
     strip = legend.height(map_width, entries, bar=True)
     scenery = max(CAPTION + map_height + TICKS + strip, 3.6 if three_d else 0.0)
+    driven = _driven(content, view, inner)
+    driven_height = 0.0 if driven is None else GAP + driven.height
     table_height = table.height(content.rows, inner)
-    parts = (header.height(laid), scenery, GAP + panels.height, GAP + table_height)
+    parts = (header.height(laid), scenery, driven_height, GAP + panels.height, GAP + table_height)
     page = Page(WIDTH, 2 * MARGIN + sum(parts))
 
     top = header.draw(page, MARGIN, MARGIN, inner, view.scene.name, laid)
@@ -75,6 +82,9 @@ def compose(content: Content, view: View, *, three_d: bool = True) -> Page:
         )
         draw_stack(ax, view, _ground_window(grown(focus, 4.0, 3.0)), others, *shown)
     top += scenery + GAP
+    if driven is not None:
+        driven.draw(page, view, content.base, top)
+        top += driven_height
     for index in range(len(content.rows)):
         draw_panel(
             page,
@@ -120,14 +130,7 @@ def _entries(content: Content, view: View, window: Window) -> list[tuple[str, st
     """The legend's entries, only for what the page shows."""
     entries = [("ego", "ego"), ("other", "others now"), ("lane", "current lane")]
     if content.maneuver is not None:
-        safe = content.maneuver.pair is None
-        entries.append(
-            ("fail-safe", "fail-safe path")
-            if safe
-            else ("trajectory", "planned path, dot: 5 steps")
-        )
-        if not safe and content.maneuver.fail_safe is not None:
-            entries.append(("fail-safe", "fail-safe path, if no new decision comes"))
+        entries += _line_entries(content.maneuver)
     if content.base.prediction.obstacles:
         entries.append(("occupancy", "where others may be until the horizon"))
     if content.rows:
@@ -140,3 +143,57 @@ def _entries(content: Content, view: View, window: Window) -> list[tuple[str, st
     if shows_goal(view, window):
         entries.append(("goal", "goal"))
     return entries
+
+
+def _line_entries(maneuver: Maneuver) -> list[tuple[str, str]]:
+    if maneuver.pair is None:
+        return [("fail-safe", "fail-safe path, dot: 5 steps")]
+    if maneuver.fail_safe is None:
+        return [("planned", "planned path, dot: 5 steps")]
+    return [
+        ("planned", "planned until the next decision"),
+        ("planned on", "and beyond it, dot: 5 steps"),
+        ("fail-safe", "fail-safe, if no new decision comes"),
+    ]
+
+
+def _driven(content: Content, view: View, inner: float) -> Driven | None:
+    """The row that shows what is driven; None if there is nothing to show."""
+    maneuver = content.maneuver
+    if maneuver is None or not np.isfinite(maneuver.states).all():
+        return None
+    strips: list[Strip] = []
+    for curve in curves_of(maneuver):
+        before = strips[0].curve if strips else None
+        end = float(curve.times[-1])
+        others, possible = others_at(content.base, view, end), None
+        if curve.kind == "planned":
+            assert maneuver.pair is not None
+            pair = f"{maneuver.pair.longitudinal.value}, {maneuver.pair.lateral.value}"
+            caption = f"planned: {pair}, through {end:.1f} s; the others as predicted for then"
+        else:
+            path = curve.states
+            if before is not None:
+                path = np.vstack([before.states[before.parts[0][1]], path])
+            gone = np.hypot(*np.diff(path[:, :2], axis=0).T).sum()
+            caption = "fail-safe" + (" if no new decision comes" if maneuver.pair else "")
+            caption += f": stands at {end:.1f} s, after {gone:.1f} m" if end else ": stands"
+            possible = _possible_at(content, view, end)
+            if possible is not None:
+                others = None
+                caption += "; hatched: where others may be then"
+        strips.append(Strip(curve, caption, others, possible, before))
+    return Driven.of(view, strips, inner)
+
+
+def _possible_at(content: Content, view: View, time: float) -> shapely.Geometry | None:
+    """Where the others may be at a time, by the certificate; None if there is none."""
+    import shapely
+
+    if content.certificate is None:
+        return None
+    found = []
+    for each in content.certificate.obstacles:
+        step = min(max(round(time / content.certificate.dt) - 1, 0), len(each.possible) - 1)
+        found += [view.region(region) for region in each.possible[step]]
+    return shapely.union_all(found)

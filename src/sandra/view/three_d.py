@@ -10,6 +10,7 @@ from sandra.planning.types import Maneuver
 from sandra.prediction.types import PredictedObstacle
 from sandra.view import palette
 from sandra.view.lettering import FAMILY, font
+from sandra.view.profile import curves_of
 from sandra.view.shapes import Array, View, Window, clipped, polygons, touches
 
 if TYPE_CHECKING:
@@ -75,12 +76,23 @@ def draw_stack(
             autolim=False,
         )
     if maneuver is not None:
-        line = view.points(maneuver.states[: horizon + 1])
-        path = np.column_stack([line, np.arange(len(line))])
-        colour = palette.FAIL_SAFE if maneuver.pair is None else palette.TRAJECTORY
-        ax.add_collection3d(
-            Line3DCollection([path], colors=[colour], linewidths=1.8, zorder=3.0), autolim=False
-        )
+        for curve in curves_of(maneuver):
+            seen = curve.times <= horizon * view.scene.dt + 1e-9
+            for kind, rows in curve.parts:
+                shown = seen[rows]
+                line = view.points(curve.states[rows][shown])
+                steps = curve.times[rows][shown] / view.scene.dt
+                style = palette.LINES[kind]
+                ax.add_collection3d(
+                    Line3DCollection(
+                        [np.column_stack([line, steps])],
+                        colors=[style["color"]],
+                        linewidths=style["linewidth"],
+                        linestyles=[style["linestyle"]],
+                        zorder=3.0,
+                    ),
+                    autolim=False,
+                )
     _finish(ax, window, horizon)
 
 
