@@ -17,7 +17,7 @@ from sandra.actions import ActionPair
 from sandra.errors import SettingsError
 from sandra.logic import Part, Specification, parse
 from sandra.planning import single_track
-from sandra.planning.given import APART, AT_START, _away, _beyond, _outside, _times, driven
+from sandra.planning.given import APART, AT_START, FAR, _away, _beyond, _outside, _times, driven
 from sandra.planning.limits import Limits
 from sandra.planning.tracking import Reference
 from sandra.planning.types import Trajectory
@@ -93,10 +93,10 @@ def test_a_bend_is_driven_with_the_direction_of_the_points() -> None:
     on = around(course.scene(speed=8.0))
     t = 0.1 * np.arange(H + 1)
     states = np.column_stack([course.at(8.0 * t, 0.0), 0.16 * t, np.full(H + 1, 8.0)])
-    off = states + np.array([0.0, 0.0, 0.04, 0.0])
-    straightened = [accepted(x, on=on).states for x in (states, off)]
-    assert straightened[0] == pytest.approx(straightened[1], abs=1e-12)
-    assert straightened[0][::2, :2] == pytest.approx(states[:, :2], abs=0.03)
+    off = states + np.array([0.0, 0.0, 0.02, 0.0])
+    driven_by = [accepted(x, on=on).states for x in (states, off)]
+    assert driven_by[0] == pytest.approx(driven_by[1], abs=1e-12)
+    assert driven_by[0][::2, :2] == pytest.approx(states[:, :2], abs=0.03)
     # Wound once around, a heading is still the same; near -pi it may jump to pi.
     assert accepted(states + np.array([0.0, 0.0, 2 * np.pi, 0.0]), on=on)
     back = Course(0.02, step=0.5, angle=np.pi - 0.02)
@@ -242,26 +242,41 @@ def test_bounds_are_those_of_the_settings_without_a_margin() -> None:
 
 
 @pytest.mark.parametrize(
-    ("x", "y", "v", "words"),
+    ("x", "y", "turn", "v", "words"),
     [
-        (APART, 0.0, 0.0, None),
-        (0.0, -APART, 0.0, None),
-        (0.0, 0.0, APART, None),
-        (0.0, 0.0, -APART, None),
-        (0.101, 0.0, 0.0, "0.10 m away, at 0.05 s"),
-        (-0.3, 0.4, 0.0, "0.50 m away, at 0.05 s"),
-        (0.0, 0.0, 0.25, "0.25 m/s off at 0.05 s"),
-        (0.0, 0.0, -0.25, "0.25 m/s off at 0.05 s"),
+        (APART, 0.0, 0.0, 0.0, None),
+        (0.0, -APART, 0.0, 0.0, None),
+        (0.0, 0.0, APART - 1e-9, 0.0, None),
+        (0.0, 0.0, 2 * np.pi, 0.0, None),
+        (0.0, 0.0, 0.0, APART, None),
+        (0.0, 0.0, 0.0, -APART, None),
+        (0.101, 0.0, 0.0, 0.0, "0.10 m away, at 0.05 s"),
+        (-0.3, 0.4, 0.0, 0.0, "0.50 m away, at 0.05 s"),
+        (np.nan, 0.0, 0.0, 0.0, "nan m away, at 0.05 s"),
+        (0.0, 0.0, 0.101, 0.0, "another heading: 0.10 rad off at 0.05 s"),
+        (0.0, 0.0, -0.25, 0.0, "another heading: 0.25 rad off at 0.05 s"),
+        (0.0, 0.0, np.nan, 0.0, "another heading: nan rad off at 0.05 s"),
+        (0.0, 0.0, 0.0, 0.25, "another speed: 0.25 m/s off at 0.05 s"),
+        (0.0, 0.0, 0.0, -0.25, "another speed: 0.25 m/s off at 0.05 s"),
     ],
 )
 def test_what_is_driven_is_near_what_was_meant(
-    x: float, y: float, v: float, words: str | None
+    x: float, y: float, turn: float, v: float, words: str | None
 ) -> None:
     track = Reference(np.zeros((1, 3, 2)), np.zeros((1, 3)), np.zeros((1, 2)))
-    followed = np.zeros((3, 5))
-    followed[1, [0, 1, 3]] = x, y, v
-    found = _away(followed, track, np.zeros(3), 0.05)
+    followed = np.full((3, 5), 0.0)
+    followed[1, :4] = x, y, turn, v
+    found = _away(followed, track, np.zeros(3), np.zeros(3), 0.05)
     assert found is None if words is None else words in str(found)
+
+
+@pytest.mark.parametrize("column", [0, 1])
+def test_places_out_of_this_world(column: int) -> None:
+    states = straight()
+    states[3, column] = states[0, column] - FAR * 1.001
+    assert refused(states) == "its place at 0.30 s is out of this world"
+    states[3, column] = states[0, column] - FAR
+    assert "cannot follow it" in refused(states)
 
 
 def test_a_path_that_cannot_be_followed() -> None:
@@ -277,7 +292,7 @@ def test_an_initial_steering_angle_that_breaks_a_limit() -> None:
     on = around(replace(scene, ego=replace(scene.ego, state=state)))
     t = 0.1 * np.arange(H + 1)
     states = straight()
-    states[:, 1] = 0.55 * t + 2.0 * t**2
+    states[:, 1], states[:, 2] = 0.55 * t + 1.5 * t**2, 0.35 * t
     assert "breaks a limit when it follows it" in refused(states, on=on)
 
 

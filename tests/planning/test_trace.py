@@ -258,6 +258,13 @@ def test_exactly_the_limit() -> None:
     assert holds(LIMIT, steps(9.0, s=5.0), base)
 
 
+def test_a_reading_shifts_everything_to_one_side() -> None:
+    """The bound and the limit are both 10: the strictest reading grants neither."""
+    base = signed((-np.inf, np.inf, 10.0))
+    assert not holds("G(v <= 10 | keeps_lane_speed_limit)", steps(10.0 - 0.4 * MARGIN), base)
+    assert holds("G(v <= 10 | keeps_lane_speed_limit)", steps(10.0 - 0.6 * MARGIN), base)
+
+
 # What is read off a trajectory.
 
 
@@ -268,14 +275,17 @@ def test_steps_of_a_driven_trajectory(kappa: float) -> None:
     base = made(course, d=1.0, angle=0.1)
     ego = base.scene.ego
     state = [ego.state.x, ego.state.y, ego.state.heading, 10.0, 0.05]
-    states, inputs = [state], np.array([[1.0, 0.2], [-2.0, 0.1], [0.5, 0.0], [0.25, -0.1]])
+    states, inputs = (
+        [state],
+        np.array([[1.0, 0.2], [-2.0, 0.1], [0.5, 0.0], [0.25, -0.1], [0.0, 0.0], [0.0, 0.1]]),
+    )
     for u in inputs.tolist():
         states.append(advance(states[-1], tuple(u), 0.05, ego.wheelbase))
     found = steps_of(base, np.array(states), inputs, 2)
     at = np.array(states)[::2]
     assert np.array_equal(found.bodies, corners(at, ego))
     assert np.array_equal(found.speed, at[:, 3])
-    assert found.inputs.tolist() == [[-2.0, 1.0], [0.25, 0.5], [0.25, 0.5]]
+    assert found.inputs.tolist() == [[-2.0, 1.0], [0.25, 0.5], [0.0, 0.0], [0.0, 0.0]]
     frame = base.scene.frame
     assert np.array_equal(found.position, frame.to_curvilinear(at[:, :2]))
     later = np.array([advance(x, (0.0, 0.0), 1e-3, ego.wheelbase) for x in at.tolist()])
