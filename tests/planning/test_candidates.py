@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from corridors import base, corridor, wide
 from reach_scenes import Course, prediction
 from sandra.actions import Lateral
-from sandra.planning.candidates import COARSE, FIRST, TOO_MUCH, Sampler
+from sandra.planning.candidates import FIRST, TOO_MUCH, Sampler
 from sandra.planning.cost import Weights
 from sandra.planning.sampling import STEEPEST, motions, simple_plans
 from sandra.reach import ground
@@ -58,7 +58,9 @@ def moving(s: float, d: float) -> tuple[np.ndarray, np.ndarray]:
 )
 def test_inside_is_within_closed_rectangles(s: float, d: float, expected: bool) -> None:
     found = sampler(wide(HORIZON, s=(10.0, 30.0), d=(-1.0, 2.0)))
-    assert found.inside(*moving(s, d), 0.0)[0] == expected
+    answer = found.inside(*moving(s, d), 0.0)
+    assert answer.tolist() == [expected]
+    assert answer.dtype == np.bool_
     assert found.inside(*moving(s, d), 0.01)[0] == (not np.isnan(s))
 
 
@@ -91,7 +93,11 @@ def test_the_wanted_centre_is_that_of_the_lane_that_is_aimed_at() -> None:
         ]
     )
     place = wide(HORIZON, s=(60.0, 80.0))
-    expected = {Lateral.FOLLOW_LANE: 0.0, Lateral.LEFT_LANE: 6.5, Lateral.RIGHT_LANE: -3.25}
+    expected = {
+        Lateral.FOLLOW_LANE: 0.0,
+        Lateral.LEFT_LANE: 6.5,
+        Lateral.RIGHT_LANE: -3.25,
+    }
     for lateral, d in expected.items():
         assert sampler(place, scene, lateral)._centre == pytest.approx(d, abs=1e-6)
 
@@ -130,9 +136,10 @@ def test_no_profile_no_stage() -> None:
 
 @pytest.mark.parametrize("speed", [4.0, 10.0, 20.0])
 @pytest.mark.parametrize("wide_by", [0.3, 3.0])
-def test_samples_left_out_are_counted(speed: float, wide_by: float) -> None:
+@pytest.mark.parametrize("kappa", [0.0, 0.008])
+def test_samples_left_out_are_counted(speed: float, wide_by: float, kappa: float) -> None:
     """Too steep or too sharp by definition; then those outside; each once."""
-    scene = Course(step=5.0).scene(speed=speed)
+    scene = Course(kappa).scene(speed=speed)
     found = sampler(wide(HORIZON, d=(-wide_by, wide_by)), scene)
     at = found.stage(0)
     plans = simple_plans(found.corridor, 0.0, (0.0,), 0.1)
@@ -143,8 +150,9 @@ def test_samples_left_out_are_counted(speed: float, wide_by: float) -> None:
     )
     every = motions(scene, found.start, np.maximum(speeds, 0.0), 0.1, plans.rows(row))
     steep = (np.abs(every.slope) > STEEPEST).any(axis=1)
-    sharp = (np.abs(every.speed**2 * every.bend)[:, 1:] > TOO_MUCH * 4.0).any(axis=1)
-    outside = (np.abs(every.d[:, 1:]) > wide_by + COARSE).any(axis=1)
+    turning = every.bend + scene.frame.curvature(every.s)
+    sharp = (np.abs(every.speed**2 * turning)[:, 1:] > TOO_MUCH * 4.0).any(axis=1)
+    outside = (np.abs(every.d[:, 1:]) > wide_by + 0.02).any(axis=1)
     assert found.counts["limits"] == (steep | sharp).sum()
     assert found.counts["corridor"] == (outside & ~(steep | sharp)).sum()
     assert len(at) == (~outside & ~steep & ~sharp).sum() > 0
@@ -250,3 +258,15 @@ def test_a_standstill_is_exact() -> None:
     assert speed[1, 1:].tolist() == [0.0] * 30
     assert speed[:, 0].tolist() == [0.3, 0.3]
     assert found._speeds(np.array([[-1.0]]), 0.1)[0].tolist() == pytest.approx([0.3, 0.2])
+
+
+def test_headings_may_be_wound() -> None:
+    """On a road along -x, with the heading of the state a turn away."""
+    scene = Course(step=5.0, angle=np.pi).scene(speed=8.0)
+    for turns in (-1, 0, 1):
+        state = replace(scene.ego.state, heading=np.pi + 0.1 + 2 * np.pi * turns)
+        found = sampler(scene=replace(scene, ego=replace(scene.ego, state=state)))
+        at = found.stage(0)
+        heading = found.bodies(at, np.array([0]))[0, :, 2]
+        assert heading[0] == state.heading
+        assert np.cos(heading[1:] - np.pi).min() > 0.99

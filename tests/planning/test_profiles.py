@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -191,3 +193,59 @@ def test_what_leaves_the_places_of_the_corridor_by_far_is_left_out(low: float, h
     assert len(found)
     assert ((driven >= low - room) & (driven <= high + room)).all()
     assert ((driven < low) | (driven > high)).any()
+
+
+def test_each_step_but_the_first_is_asked_of() -> None:
+    """The first set is the state itself; already the second may be too narrow."""
+    steps = [base() for _ in range(6)]
+    free = made(corridor(*steps))
+    steps[0] = base(s=(0.0, 0.0), v=(10.0, 10.0))
+    assert np.array_equal(made(corridor(*steps)), free)
+    steps[1] = base(v=(30.0, 40.0))
+    assert made(corridor(*steps)).shape == (0, 5)
+    steps[1] = base(s=(20.0, 30.0))
+    assert made(corridor(*steps)).shape == (0, 5)
+
+
+def test_brakings_that_are_too_strong_are_none() -> None:
+    """4 m/s in 0.8 s would be 5 m/s^2; half of that is allowed, up to rounding."""
+    found = made(wide(20, a=(-2.5, 1.0)), 4.0)
+    assert found.min() >= -2.5 + MARGIN - 1e-6
+    assert found.max() <= 1.0 - MARGIN + 1e-6
+
+
+def test_the_highest_speed_may_be_driven() -> None:
+    found = made(wide(5), 30.0)
+    assert (found == 0.0).all(axis=1).any()
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_a_change_to_or_from_the_only_input_of_some_steps(order: int) -> None:
+    only, other = (-MARGIN, MARGIN), (1.0 - MARGIN, 2.0 + MARGIN)
+    first, second = (only, other)[::order]
+    share = 3 if order == 1 else 6
+    steps = [base(a=first)] * share + [base(a=second)] * (11 - share)
+    found = made(corridor(*steps))
+    wanted = np.repeat([0.0, 1.0][::order], [share, 10 - share])
+    assert (np.abs(found - wanted) < 1e-6).all(axis=1).any()
+
+
+def test_two_steps_are_enough_to_aim() -> None:
+    """2.03 m in 0.2 s with 10 m/s at both ends: 3 m/s^2 to either side would be an odd guess."""
+    found = made(corridor(base(), base(), base(s=(2.03, 2.03), v=(10.0, 10.0))))
+    assert (np.abs(found - [3.0, -3.0]) < 1e-6).all(axis=1).any()
+
+
+def test_corners_of_a_round_set_are_aimed_at() -> None:
+    """Of eight corners every other one."""
+    turn = np.arange(8) * np.pi / 4
+    ring = [(22.0 + 0.3 * np.cos(x), 10.0 + 0.3 * np.sin(x)) for x in turn.tolist()]
+    last = replace(base(), lon=ring)
+    found = made(corridor(*[base() for _ in range(20)], last))
+    speed, driven = driving(found)
+
+    def aimed(angle: float) -> bool:
+        s, v = 22.0 + 0.24 * np.cos(angle), 10.0 + 0.24 * np.sin(angle)
+        return bool(((np.abs(driven - s) < 1e-6) & (np.abs(speed[:, -1] - v) < 1e-6)).any())
+
+    assert [aimed(x) for x in turn.tolist()] == [True, False] * 4

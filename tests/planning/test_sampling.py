@@ -27,7 +27,12 @@ TAU = 0.1
 
 def test_neighbouring_ranges_are_one() -> None:
     made = corridor(
-        [base(d=(2.0, 3.0)), base(d=(-3.0, -1.0)), base(d=(-2.0, 0.5)), base(d=(0.5, 1.0))]
+        [
+            base(d=(2.0, 3.0)),
+            base(d=(-3.0, -1.0)),
+            base(d=(-2.0, 0.5)),
+            base(d=(0.5, 1.0)),
+        ]
     )
     assert intervals(made, 0) == [(-3.0, 1.0), (2.0, 3.0)]
     assert intervals(corridor([base(d=(0.0, 5.0)), base(d=(1.0, 2.0))]), 0) == [(0.0, 5.0)]
@@ -97,13 +102,18 @@ def test_rows_of_plans() -> None:
 
 
 def plans(
-    first: float, until: float, second: float = 0.0, begin: float = 0.0, lasting: float = 1.0
+    first: float,
+    until: float,
+    second: float = 0.0,
+    begin: float = 0.0,
+    lasting: float = 1.0,
 ) -> Plans:
     return Plans(*(np.array([x]) for x in (first, until, second, begin, lasting)))
 
 
 @pytest.mark.parametrize(
-    "plan", [plans(1.5, 2.0), plans(-1.0, 1.0, 2.5, 0.8, 1.6), plans(0.5, 2.0, -1.0, 1.0, 2.0)]
+    "plan",
+    [plans(1.5, 2.0), plans(-1.0, 1.0, 2.5, 0.8, 1.6), plans(0.5, 2.0, -1.0, 1.0, 2.0)],
 )
 @pytest.mark.parametrize("speed", [10.0, 4.0])
 def test_a_path_starts_as_it_is_and_ends_parallel(plan: Plans, speed: float) -> None:
@@ -155,7 +165,11 @@ def test_a_move_goes_on_beyond_the_horizon_at_the_mean_speed() -> None:
     """A path that takes 4 s is half done after 2 s at constant speed."""
     scene = Course(step=5.0).scene()
     found = motions(
-        scene, Start(50.0, 0.0, 0.0, 0.0, 5.0), np.full((1, 21), 5.0), TAU, plans(2.0, 4.0)
+        scene,
+        Start(50.0, 0.0, 0.0, 0.0, 5.0),
+        np.full((1, 21), 5.0),
+        TAU,
+        plans(2.0, 4.0),
     )
     assert found.d[0, -1] == pytest.approx(1.0)
     # Braking to a standstill: 10 m in 2 s, a mean of 5 m/s, so the path is 20 m long.
@@ -216,3 +230,12 @@ def test_the_start_is_the_state(kappa: float, steering: float) -> None:
     before, now, after = d_after(-h), d_after(0.0), d_after(h)
     assert start.slope == pytest.approx((after - before) / (2 * h), abs=1e-3)
     assert start.bend == pytest.approx((after - 2 * now + before) / h**2, abs=2e-3)
+
+
+def test_at_the_thresholds() -> None:
+    """A gap of a micrometre is none; 0.1 m from a wanted target is near; 0.2 m is no move."""
+    assert intervals(corridor([base(d=(-1.0, 0.0)), base(d=(1e-6, 1.0))]), 0) == [(-1.0, 1.0)]
+    assert targets(wide(2), 2, (0.1,), 3) == pytest.approx([0.1, -0.9, 0.9])
+    plans = simple_plans(wide(20), 0.0, (0.2,), TAU)
+    assert 0.2 in plans.first
+    assert 0.2 not in plans.second
