@@ -19,7 +19,7 @@ from sandra.errors import SettingsError
 from sandra.planning import strategies
 from sandra.planning.fail_safe_candidates import Task
 from sandra.planning.fail_safe_checks import Failures
-from sandra.planning.fail_safe_rounds import braking, evading, leaving
+from sandra.planning.fail_safe_rounds import braking, evading, leaving, optimising
 from sandra.planning.fail_safe_search import (
     FailSafe,
     Miss,
@@ -162,3 +162,26 @@ def test_how_long_a_prediction_is_needed(
     settings = Settings(a_lon_min=a_min, a_lon_max=a_max)
     scene = road(STRAIGHT, speed=speed)
     assert fail_safe_horizon(scene, settings, t_dec, mildest) == steps
+
+
+def test_why_it_cannot_stay_in_a_conflict_area() -> None:
+    """Standing within it, and no time is predicted for leaving."""
+    scene = before_crossing(2.0, 0.0)
+    found = fail_safe(scene, state_of(scene), 0.0, by_hand(scene, {}, 3), SETTINGS)
+    assert isinstance(found, Miss)
+    assert found.reasons[:2] == (
+        f"{strategies.BRAKE}: would stand in a conflict area at (0.0, 0.0)",
+        f"{strategies.LEAVE}: no way out of it in the time predicted",
+    )
+    assert leaving(replace(task_of(scene), steps=3)).missing == (
+        (strategies.LEAVE, "no way out of it in the time predicted"),
+    )
+    assert leaving(replace(task_of(road(STRAIGHT, speed=6.0)), steps=3)).missing == ()
+
+
+def test_speeds_are_optimised_on_paths_that_are_not_too_abrupt() -> None:
+    """Over the second of the lengths, where there is more than one."""
+    for speed, length in ((8.0, 12.8), (1.0, 4.0)):
+        attempts = optimising(task_of(road(STRAIGHT, speed=speed))).attempts
+        assert {aim.length for each in attempts for aim in each.aims} == {length}
+        assert {aim.strategy for each in attempts for aim in each.aims} == {strategies.OPTIMISE}
