@@ -74,3 +74,59 @@ def test_in_the_example_of_an_intersection_they_lie_on_the_own_lanes_ahead() -> 
         assert own.buffer(0.05).covers(shapely.Polygon(area))
         s = scene.frame.to_curvilinear(area)[:, 0]
         assert s.min() > scene.ego_curvilinear[0] + scene.ego.length / 2
+
+
+def own_box(x: float, y: float, half: float, number: int) -> Lane:
+    """An incoming lane of one square piece, whose sides are parallel to the road."""
+    return COURSE.lane("incoming-right", number, y - half, y + half, start=x - half, end=x + half)
+
+
+@pytest.mark.parametrize(
+    ("x", "y"), [(-40.0, 0.0), (160.0, 0.0), (60.0, -WIDTH / 2), (60.0, 1.5 * WIDTH)]
+)
+@pytest.mark.parametrize(("half", "count"), [(2.0, 1), (0.5 * SLIVER - 0.01, 0)])
+def test_areas_at_every_side_of_the_own_lanes(x: float, y: float, half: float, count: int) -> None:
+    """Half of a piece at an end or a side of the lanes lies on them."""
+    found = conflict_areas(with_incoming(own_box(x, y, half, 300)))
+    assert len(found) == count
+    if count:
+        own = shapely.box(-40.0, -WIDTH / 2, 160.0, 1.5 * WIDTH)
+        wanted = own.intersection(shapely.box(x - half, y - half, x + half, y + half))
+        assert shapely.Polygon(found[0]).symmetric_difference(wanted).area < 1e-6
+
+
+def test_lanelets_of_incoming_lanes_away_from_the_own_ones_are_none() -> None:
+    """Beside, before, behind; and one that only touches."""
+    for x, y in ((60.0, -8.0), (60.0, 12.0), (-60.0, 0.0), (170.0, 0.0), (60.0, -3.75)):
+        assert conflict_areas(with_incoming(own_box(x, y, 2.0, 300))) == []
+
+
+def test_only_lanes_that_the_ego_may_use_are_its_own() -> None:
+    """On an opposite lane there is none, however much it is crossed."""
+    opposite = COURSE.lane("opposite", 90, -1.5 * WIDTH, -0.5 * WIDTH)
+    lanes = [COURSE.lanes(left=0, right=0)[0], opposite, crossing(30.0, 4.0)]
+    (area,) = conflict_areas(COURSE.scene(lanes))
+    assert area[:, 1].min() == pytest.approx(-WIDTH / 2)
+    right = dataclasses.replace(opposite, relation="right")
+    (area,) = conflict_areas(COURSE.scene([lanes[0], right, lanes[2]]))
+    assert area[:, 1].min() == pytest.approx(-1.5 * WIDTH)
+
+
+def test_pieces_that_touch_are_one_area() -> None:
+    (area,) = conflict_areas(with_incoming(crossing(30.0, 4.0), crossing(33.0, 2.5, 301)))
+    assert (area[:, 0].min(), area[:, 0].max()) == pytest.approx((28.0, 34.25))
+
+
+def test_two_lanes_that_are_slivers_only_together_are_an_area() -> None:
+    """Cut pieces of one overlap are joined before slivers are dropped."""
+    narrow = 0.125
+    assert narrow < SLIVER < 2 * narrow
+    (area,) = conflict_areas(
+        with_incoming(crossing(30.0, narrow), crossing(30.0 + narrow, narrow, 301))
+    )
+    assert np.ptp(area[:, 0]) == pytest.approx(2 * narrow, abs=1e-6)
+
+
+def test_the_ring_of_an_area_is_open() -> None:
+    (area,) = conflict_areas(with_incoming(crossing(30.0, 4.0)))
+    assert len({tuple(np.round(p, 6)) for p in area}) == len(area)

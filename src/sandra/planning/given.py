@@ -92,7 +92,7 @@ def driven(
 def _times(dt: float, horizon: int, step: float | None) -> Array:
     """The times of the states that are needed."""
     step = dt if step is None else step
-    count = round(dt / step) if 0.0 < step < np.inf else 0
+    count = round(dt / step) if step > 0.0 else 0
     if count < 1 or abs(count * step - dt) > 1e-9:
         raise SettingsError(
             f"step = {step!r} s must be the scene's dt = {dt:g} s or an integer part of it"

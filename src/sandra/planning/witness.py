@@ -232,8 +232,6 @@ class _Search:
         if not self.sampler.stages:
             return Miss("no acceleration profile within the inputs and speeds of the corridor")
         total = sum(self.counts.values())
-        if total == 0:
-            return Miss("the corridor offers no offset to aim at")
         parts = [f"{n} {_WORDS.get(name, name)}" for name, n in counts]
         given_up = f" (given up after {self.driven} drives)" if self.driven >= MOST_DRIVEN else ""
         return Miss(
@@ -247,8 +245,7 @@ class _Search:
         gap, bodies = self.closest
         inputs = np.zeros((1, bodies.shape[1] - 1, 2))
         near = self.around.occupied.nearest(bodies, inputs, self.scene.dt, self.scene.ego)
-        if near is None:
-            return ""
+        assert near is not None, "a gap has somebody at its other side"
         obstacle = self.ground.prediction.obstacles[near[0]].obstacle
         return (
             f"; the best of them lacks {COARSE_GAP - gap:.2f} m to {obstacle.kind} {obstacle.id} "
