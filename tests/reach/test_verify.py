@@ -379,3 +379,19 @@ def test_the_ground_of_all_pairs() -> None:
     assert len(without) == 5
     assert not any(mask.any() for mask in without)
     assert [m.tolist() for m in base.forbidden_without(0)] == [base.off_road.tolist()] * 5
+
+
+def test_who_can_only_brake_is_farthest_before_the_end() -> None:
+    """At 10 m/s and at best -2 m/s^2 the ego is 25 m on after 5 s; the horizon is 8 s."""
+    course = Course()
+    scene = course.scene(course.lanes(), (), speed=10.0, dt=0.2)
+    only_brakes = Settings(a_lon_max=-2.0, horizon=40)
+    found = verify(scene, "keep,follow-lane", settings=only_brakes, reasons=False)[0]
+    assert found.first_empty_step == 0  # |a| <= 0.2 cannot be
+    found = verify(scene, "stop,follow-lane", settings=only_brakes, reasons=False)[0]
+    s0 = scene.ego_curvilinear[0]
+    for k in range(26):
+        farthest = s0 + 10.0 * 0.2 * k - (0.2 * k) ** 2
+        assert max(b.rectangle[1] for b in found.reachable_set.steps[k]) >= farthest - 1e-6
+    # From then on it would drive backwards.
+    assert found.first_empty_step == 26

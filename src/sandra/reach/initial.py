@@ -39,9 +39,10 @@ def lattice_of(
     """Cells over all that the free set can touch, laterally as far as the road goes."""
     duration = horizon * scene.dt
     fastest = max(settings.v_max, *(v for _, v in lon))
+    # Who can only brake is farthest before the end.
+    push = max(settings.a_lon_max, 0.0)
     farthest = max(
-        s + min(v * duration + settings.a_lon_max * duration**2 / 2, fastest * duration)
-        for s, v in lon
+        s + min(v * duration + push * duration**2 / 2, fastest * duration) for s, v in lon
     )
     # Within a step the speed may leave its bounds and come back: by the end of it, a quarter of
     # a dt^2 further at most.
