@@ -156,6 +156,13 @@ def test_leaders_are_told_from_near_to_far_with_rear_end_and_speed() -> None:
     assert left == ((Leader(57.75, 5.0),),) * 3
 
 
+@pytest.mark.parametrize("speeds", [(7.0, 3.0), (3.0, 7.0)])
+def test_of_two_side_by_side_the_slower_one_precedes(speeds: tuple[float, float]) -> None:
+    scene = scene_with(("car", 30.0, 1.0, speeds[0]), ("car", 30.0, -1.0, speeds[1]))
+    (step,) = led(scene, {}, 0)[0]
+    assert [leader.speed for leader in step] == [3.0, 7.0]
+
+
 @pytest.mark.parametrize("kind", ["pedestrian", "trafficIsland", "building", "pillar"])
 def test_what_is_no_vehicle_precedes_nobody(kind: str) -> None:
     scene = scene_with((kind, 30.0, 0.0, 1.0), ("bicycle", 20.0, 0.0, 1.0))

@@ -194,8 +194,10 @@ def leaders(
                     entered = k
                 asked = k - entered >= exempt
                 of_lane[k].append(Leader(float(rear[i]), float(speed[i]) if asked else inf))
+    # Of two side by side the slower one precedes: it asks for more distance.
     return tuple(
-        tuple(tuple(sorted(step, key=lambda x: x.rear)) for step in steps) for steps in found
+        tuple(tuple(sorted(step, key=lambda x: (x.rear, x.speed))) for step in steps)
+        for steps in found
     )
 
 
