@@ -118,6 +118,12 @@ def test_edges_are_the_narrowest_on_the_way() -> None:
 def test_room_is_what_the_body_leaves() -> None:
     on = scene()
     assert strategies.room(on.current, state(), 20.0, on.ego) == pytest.approx((-0.75, 0.75))
+    # The narrowest place ahead counts, not the one behind.
+    narrow = COURSE.lane("current", 100, -1.75, lambda s: 1.75 - 0.5 * (np.abs(s - 10.0) < 1.0))
+    right, left = strategies.room(narrow, state(), 20.0, on.ego)
+    assert left - right == pytest.approx(1.0, abs=0.01)
+    right, left = strategies.room(narrow, state(x=15.0), 20.0, on.ego)
+    assert left - right == pytest.approx(1.5, abs=0.01)
 
 
 def test_aims_in_the_lane() -> None:

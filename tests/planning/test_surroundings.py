@@ -108,6 +108,9 @@ def test_several_at_once_are_each_for_itself() -> None:
     assert 0 < together[2] < together[0] < together[3]
     fewer = around.first_contact(states, inputs, np.array([20, 1, 2, 20, 3]), TAU, 0.0)
     assert fewer.tolist() == [together[0], -1, -1, together[3], -1]
+    # Whoever stands before its contact has none, though others drive on.
+    stands = around.first_contact(states, inputs, np.array([20, 1, together[2], 20, 3]), TAU, 0.0)
+    assert stands.tolist() == [together[0], -1, -1, together[3], -1]
 
 
 def test_ends_free_looks_at_the_last_step_alone() -> None:

@@ -232,8 +232,8 @@ def test_given_up_after_so_many_drives() -> None:
 def test_of_one_profile_only_a_few_are_driven_in_vain() -> None:
     found = missed(wide(H, a=STEADY), "G(v > 29)")
     counts = dict(found.counts)
-    assert 0 < counts["driven formula"] <= 2 * MOST_PER_PROFILE
-    assert counts["driven formula"] >= MOST_PER_PROFILE
+    # In the one stage that has candidates here.
+    assert counts["driven formula"] == MOST_PER_PROFILE
     assert counts["skipped"] > 0
     assert f"{counts['skipped']} are like others that failed" in str(found)
     assert "given up" not in str(found)
