@@ -193,11 +193,11 @@ def test_at_most_so_many_are_shown() -> None:
 
     missed = witness(AROUND, spec(), wide(H), accept=never)
     assert isinstance(missed, Miss)
-    assert len(shown) == MOST_ASKED
+    assert 1 < len(shown) <= MOST_ASKED
+    assert len({found.inputs.tobytes() for found in shown}) == len(shown), "each is shown once"
     assert dict(missed.counts)["are valid, but none is good enough"] == MOST_ASKED
     assert "8 are valid, but none is good enough" in str(missed)
     assert "given up" not in str(missed)
-    assert len({found.states.tobytes() for found in shown}) > 1
 
 
 # When it ends without one.
