@@ -316,3 +316,17 @@ def test_a_trace_of_one_letter_has_no_input_to_ask_for() -> None:
     found = reachable_set(problem(0, (0.5, 1.0)))
     assert found.first_empty_step is None
     assert [b.lon for b in found.steps[0]] == [[(2.0, 4.0)]]
+
+
+def test_moves_after_one_that_is_out_of_reach_count_as_well() -> None:
+    """In whatever order they come: by the input at the last step, by what is live before."""
+    for final in ([(2.0, 3.0), (0.0, 1.0)], [(0.0, 1.0), (2.0, 3.0)]):
+        found = reachable_set(problem(moves=moves(2, (-1.0, 1.0), final)))
+        assert [b.inputs for b in found.steps[2]] == [(0.0, 1.0)]
+    alive, dead = Move(0, (), (-1.0, 1.0)), Move(1, (), (-1.0, 1.0))
+    live = (frozenset[int](), *[frozenset({0})] * 3)
+    for row in ((alive, dead), (dead, alive)):
+        found = reachable_set(
+            problem(moves=Moves(0, (row, ()), ((Move(-1, (), (-1.0, 1.0)),), ()), live))
+        )
+        assert [[b.label for b in step] for step in found.steps] == [[0], [0], [-1]]

@@ -167,3 +167,14 @@ def test_no_input_at_all_leaves_nothing() -> None:
     found = moves_of(translate(parse("true")), (1.0, -1.0), 3)
     assert found.live == (frozenset(),) * 5
     assert found.moves == ((),)
+
+
+def test_a_bound_holds_throughout_a_range_or_not_at_all() -> None:
+    """However narrow the range is beside its distance from zero."""
+    above, below = (
+        moves_of(translate(parse(f"G(a {x})")), (3.0, 4.0), 1) for x in ("> 3.5", "<= 3.5")
+    )
+    assert above.final[above.initial] == (Move(-1, (), (3.5, 4.0)),)
+    assert below.final[below.initial] == (Move(-1, (), (3.0, 3.5)),)
+    low = moves_of(translate(parse("G(a < -3.5)")), (-4.0, -3.0), 1)
+    assert low.final[low.initial] == (Move(-1, (), (-4.0, -3.5)),)
