@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from sandra.actions import ActionPair
 from sandra.certificate import Certificate, Report, certificate, check
@@ -33,6 +33,9 @@ MILDEST = 4.0
 MOST_OPTIMISED = 2
 """For so many of a pair's witnesses the fail-safe's speed is optimised where samples fail: what
 blocks the first mostly blocks the others too."""
+ALIKE = np.array([0.02, 0.02, 0.005, 0.1, 0.02])
+"""States at the next decision that differ by no more than this are asked about once: from where no
+fail-safe was found, none is looked for again [m, m, rad, m/s, rad]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -230,10 +233,9 @@ def _continuation(
     basis: Basis, trajectory: Trajectory, rounds: Rounds = ROUNDS
 ) -> FailSafe | NoFailSafe:
     """The fail-safe from a trajectory's state at the next decision."""
-    index = round((basis.t_dec - trajectory.start) / trajectory.tau)
     return fail_safe(
         basis.ground.scene,
-        trajectory.states[index],
+        _at_decision(basis, trajectory),
         basis.t_dec,
         basis.set_based,
         basis.ground.settings,
@@ -242,21 +244,30 @@ def _continuation(
     )
 
 
+def _at_decision(basis: Basis, trajectory: Trajectory) -> NDArray[np.float64]:
+    index = round((basis.t_dec - trajectory.start) / trajectory.tau)
+    return np.asarray(trajectory.states[index])
+
+
 @dataclass(slots=True)
 class _Continuations:
     """Looks for the fail-safe continuation of each witness that is shown; keeps the last found."""
 
     basis: Basis
     found: FailSafe | None = field(default=None)
-    asked: int = 0
+    refused: list[NDArray[np.float64]] = field(default_factory=list)
+    """States at the next decision from which none was found."""
 
     def wrong_with(self, trajectory: Trajectory) -> str | None:
         """None if the witness can be continued safely, else in words why not."""
-        rounds = ROUNDS if self.asked < MOST_OPTIMISED else SAMPLED
-        self.asked += 1
+        self.found = None
+        state = _at_decision(self.basis, trajectory)
+        if any((np.abs(state - x) <= ALIKE).all() for x in self.refused):
+            return "have no fail-safe continuation"
+        rounds = ROUNDS if len(self.refused) < MOST_OPTIMISED else SAMPLED
         found = _continuation(self.basis, trajectory, rounds)
         if isinstance(found, FailSafe):
             self.found = found
             return None
-        self.found = None
+        self.refused.append(state)
         return "have no fail-safe continuation"
