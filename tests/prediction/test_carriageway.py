@@ -26,6 +26,9 @@ def test_cells_exactly_at_the_margin_count(margin: float) -> None:
     low, high = found.edges(every, margin)
     assert low == pytest.approx(0.0)
     assert high == pytest.approx(min(WIDTH * 2 + margin, WIDTH * 3))
+    low, high = Carriageway.of(TABLE, of_lane({31, 32}), margin).edges(every, margin)
+    assert low == pytest.approx(max(WIDTH - margin, 0.0))
+    assert high == pytest.approx(WIDTH * 3)
     # A little less, and the next lane is not beside it.
     if margin:
         assert found.edges(every, margin - 1e-9)[1] == pytest.approx(WIDTH + margin)

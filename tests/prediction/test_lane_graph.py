@@ -9,7 +9,7 @@ import pytest
 
 from prediction.traffic import lanelet, line
 from sandra.prediction.lane_cutting import build_map
-from sandra.prediction.lane_graph import CUT, PLAIN, LaneGraph, Rules, _Growing
+from sandra.prediction.lane_graph import CUT, OWN, PLAIN, LaneGraph, Rules, _Growing
 from sandra.prediction.lane_sets import follow
 from sandra.prediction.lane_table import LaneTable
 from sandra.prediction.lanes import START_ERROR, Place
@@ -91,6 +91,7 @@ def test_the_first_cell_of_the_map_can_be_left_like_any_other() -> None:
     everywhere = {2: (0, 20), 3: (0, 20)}
     graph = graph_of(table, 1, np.inf, True)
     assert reached(table, graph, {1: (0, 0), **everywhere}) == {1, 2, 3}
+    assert reached(table, graph, {1: (0, 0), 2: (0, 20)}) == {1, 2}
     graph = graph_of(table, 1, np.inf, False)
     assert reached(table, graph, {1: (0, 0), **everywhere}) == {1, 3}
     # Who cannot be in the first cell cannot go back through it.
@@ -139,10 +140,22 @@ def test_progress_up_to_the_end_of_a_slice_is_on_it() -> None:
             )
 
 
-def test_who_changes_into_the_egos_lane_is_marked() -> None:
+def test_how_a_vehicle_came_to_the_egos_lane_is_marked() -> None:
+    """The ego is on lanelet 3, or on 1 and 2."""
     table = LaneTable.of(build_map(two_roads(), 0.0))
     segments = {x.id: i for i, x in enumerate(table.strips)}
-    place = Place(1, 0.0, 0.0, 0.0, 0.0)
-    graph = LaneGraph.of(table, [Rules((place,), 4.0, False, False, segments)], frozenset({3}))
-    how = {(table.strips[i].id, int(h)) for i, h in zip(graph.lanelet, graph.how, strict=True)}
-    assert how == {(1, PLAIN), (3, CUT)}
+
+    def nodes(start: int, behind: bool, ego_lane: set[int]) -> set[tuple[int, int]]:
+        place = Place(start, 0.0, 0.0, 0.0, 0.0)
+        rules = Rules((place,), 4.0, False, behind, segments)
+        graph = LaneGraph.of(table, [rules], frozenset(ego_lane))
+        pairs = zip(graph.lanelet.tolist(), graph.how.tolist(), strict=True)
+        return {(table.strips[i].id, how) for i, how in pairs}
+
+    assert nodes(1, False, {3}) == {(1, PLAIN), (3, CUT)}
+    assert nodes(3, False, {3}) == {(1, PLAIN), (3, CUT), (3, PLAIN)}
+    # Who leaves the ego's lane and comes back has changed into it.
+    assert nodes(3, True, {3}) == {(1, PLAIN), (3, CUT), (3, OWN)}
+    # Along the lane it stays what it was; by a lane that leads into it, it is not marked.
+    assert nodes(2, True, {1, 2}) == {(2, OWN), (1, OWN), (3, PLAIN), (1, CUT)}
+    assert nodes(2, True, {1}) == {(2, PLAIN), (1, PLAIN), (3, PLAIN), (1, CUT)}

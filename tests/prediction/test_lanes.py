@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from prediction.traffic import lanelet, line, straight_road
-from sandra.prediction.lane_cutting import _end_direction, build_map
+from sandra.prediction.lane_cutting import _end_direction, _scale, build_map
 from sandra.prediction.lane_table import LaneTable
 from sandra.scene.types import Lanelet
 
@@ -149,3 +149,37 @@ def test_reachable_lanelets() -> None:
     assert sorted(found.reachable([11], False)) == [11, 12, 21, 22, 31, 32]
     assert sorted(found.reachable([12], True)) == [11, 12, 21, 22, 31, 32]
     assert found.reachable([92], False) == [92, 91] or found.reachable([92], False) == [92]
+
+
+def test_a_lanelet_between_two_cross_sections_shares_nothing() -> None:
+    """None of the border's points faces it."""
+    links = {"predecessors": (9,), "successors": (9,)}
+    one = lane(1, 0.0, 1.0, adjacent_left=(2, True), **links)
+    two = lane(2, 0.2, 0.8, 3.5, adjacent_right=(1, True), **links)
+    found = build_map((one, two, lane(9, 500.0, 520.0)), 0.0)
+    assert not found.strips[1].shared
+    assert not found.strips[2].shared
+
+
+def test_progress_that_does_not_rise_tells_nothing() -> None:
+    """The scale goes through points that are more than a micrometre ahead of the one before."""
+    links = {"predecessors": (9,), "successors": (9,)}
+    one = lane(1, 0.0, 4.0, adjacent_left=(2, True), **links)
+    two = lane(2, 0.0, 4.0, 3.5, adjacent_right=(1, True), **links)
+    strips = build_map((one, two, lane(9, 500.0, 520.0)), 0.0).strips
+    for second, expected in ((1e-6, 1e-6), (1.001e-6, 1.0)):
+        theirs = np.array([0.0, second, 2.0, 3.0, 4.0])
+        other = replace(strips[2], progress=np.column_stack([theirs, theirs]))
+        scale = _scale(strips[1], other, 1)
+        assert scale is not None
+        assert scale(np.array([second])) == pytest.approx(expected, abs=1e-9)
+
+
+def test_a_cross_section_without_width_is_upright() -> None:
+    """Up to a micrometre; a wider one has its own direction, here along the road."""
+    for width, across in ((1e-6, [0.0, 1.0]), (1.001e-6, [1.0, 0.0])):
+        right = np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]])
+        left = np.array([[width, 0.0], [1.0, 3.5], [2.0, 3.5]])
+        one = lanelet(1, right, right + (left - right) * [[1], [0], [0]], predecessors=(1,))
+        strip = build_map((one,), 0.0).strips[1]
+        assert strip.across[0] == pytest.approx(across)

@@ -4,24 +4,29 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
-from prediction.traffic import bend, car, lanelet, line, scene, straight_road
+from prediction.traffic import bend, car, fork, lanelet, line, scene, straight_road
 from sandra.errors import ScenarioError, SettingsError
 from sandra.prediction import predict
-from sandra.prediction.geometry import clip, unpadded
+from sandra.prediction.geometry import clip, minkowski, unpadded
 from sandra.prediction.lane_cutting import build_map
+from sandra.prediction.most_likely import _bend, _path, trajectories
+from sandra.prediction.set_based import _plan
 from sandra.prediction.slicing import (
     END_CELLS,
     FEW_CORNERS,
     STRAIGHT,
     _is_straight,
+    _meeting,
     simplified,
     slices_of,
 )
 from sandra.scene.types import Region, State
+from sandra.settings import Settings
 
 ROAD = straight_road()
 
@@ -175,3 +180,89 @@ def test_what_was_assumed_is_named() -> None:
     assert note.startswith("no recording of obstacles 4;")
     notes = predict(scene(ROAD, several), "constant-velocity", 10).notes
     assert notes == ("speed unknown, taken for standing: obstacles 5",)
+
+
+def test_corners_of_a_sum_between_parallel_edges_are_left_out() -> None:
+    """Parallel up to 1e-7 rad."""
+    for turn, count in ((1e-7, 3), (1.001e-7, 4)):
+        polygon = np.array([[[0.0, 0.0], [1.0, 0.0], [2.0, turn], [0.0, 1.0]]])
+        found = unpadded(minkowski(polygon, np.zeros((1, 1, 2))))[0]
+        assert len(found) == count
+
+
+def test_edges_of_an_outline_meet_if_they_turn() -> None:
+    for turn, meet in ((1e-9, False), (1.001e-9, True)):
+        assert (_meeting([0j, 1.0 + 0j], [1.0 + 0j, 1.0 + turn * 1j], 0, 1) is not None) == meet
+
+
+def test_corners_are_left_out_up_to_the_growth(monkeypatch: pytest.MonkeyPatch) -> None:
+    angle = np.linspace(0.0, 2.0 * np.pi, 20, endpoint=False)
+    outline = np.column_stack([np.cos(angle), np.sin(angle)])
+    p = [complex(*x) for x in [*outline, outline[0]]]
+    edges = [(b - a) / abs(b - a) for a, b in pairwise(p)]
+    further = _meeting(p, edges, 0, 2)
+    assert further is not None
+    growth = max((edges[k].conjugate() * (p[k] - further)).imag for k in (1, 2))
+    for most, first in ((growth, further), (math.nextafter(growth, 0.0), p[1])):
+        monkeypatch.setattr("sandra.prediction.slicing.GROWTH", most)
+        assert complex(*simplified(outline)[0]) == first
+
+
+def test_what_has_no_length_is_not_straight() -> None:
+    for length, straight in ((1e-9, True), (0.999e-9, False)):
+        assert _is_straight(np.array([[0j, 0j], [length, 1.0]])) == straight
+
+
+def test_heading_begins_to_turn_before_the_lane_does() -> None:
+    """The path ends exactly where the bend begins; its heading turns evenly between edges."""
+    road = tuple(x for x in fork() if x.id != 2)
+    now = scene(road, (car(1, -20, 0, speed=20.0),))
+    states = predict(now, "constant-velocity", 10).obstacles[0].states
+    assert states[10, :2] == pytest.approx([0.0, 0.0], abs=1e-9)
+    assert 0.01 < states[10, 2] < 0.05
+
+
+def test_points_of_a_path_are_apart() -> None:
+    """A point of the map 5 cm ahead is left out, one further ahead is not."""
+    lane_map = build_map(straight_road(1, 80.0), 0.0)
+    for x, count in ((-0.05, 4), (-0.0501, 5)):
+        place = lane_map.places(x, 1.75, 0.0, 0.0)[0]
+        assert len(_path(lane_map, place, np.array([x, 1.75]), 0.0, 15.0)) == count
+
+
+@pytest.mark.parametrize("heading", [0.0, 3.0, -3.0])
+def test_how_far_a_lanelet_turns_away(heading: float) -> None:
+    """In either direction, also where headings jump from pi to -pi."""
+    for turn in (-2.0, -0.3, 0.0, 0.3, 2.0):
+        strips = []
+        for angle in (heading, heading + turn):
+            ahead = np.array([np.cos(angle), np.sin(angle)])
+            right = np.array([[0.0], [20.0]]) * ahead
+            left = right + 3.5 * np.array([-ahead[1], ahead[0]])
+            one = lanelet(1, right, left, predecessors=(1,))
+            strips.append(build_map((one,), 0.0).strips[1])
+        assert _bend(*strips) == pytest.approx(abs(turn))
+
+
+def test_a_lanelet_without_length_does_no_harm() -> None:
+    end = np.array([[0.0, 0.0], [0.0, 0.0]])
+    lanelets = (
+        lanelet(1, line(0.0, -60.0, 0.0), line(3.5, -60.0, 0.0), successors=(2,)),
+        lanelet(2, end, end + np.array([0.0, 3.5]), predecessors=(1,), successors=(3,)),
+        lanelet(3, line(0.0, 0.0, 60.0), line(3.5, 0.0, 60.0), predecessors=(2,)),
+    )
+    strips = tuple(build_map(lanelets, 0.0).strips.values())
+    assert np.hypot(*slices_of(strips)[1][0].along) == 1.0
+    each = predict(scene(lanelets, (car(1, -5.0, 1.75),)), "set-based", 15).obstacles[0]
+    assert max(r.vertices[:, 0].max() for r in each.at[15]) >= -5.0 + 15.0 + 13.5 + 2.25
+
+
+def test_nothing_is_computed_beyond_the_horizon() -> None:
+    """Of a vehicle that is first seen at step 4 of 10: six steps, seven times."""
+    now = scene(ROAD, (car(1, 0, 1.75, states=recording(15, first=4)),))
+    likely, _ = trajectories(now, 10, use_recordings=True)
+    plan = _plan(now, likely[0], build_map(ROAD, 20.0), 10, Settings())
+    assert plan is not None
+    rows = np.isfinite(plan.vehicle.offsets)
+    assert rows.all(axis=1).tolist() == [True] * 7 + [False] * 4 + [True] * 6 + [False] * 4
+    assert not rows[~rows.all(axis=1)].any()

@@ -63,6 +63,15 @@ def test_at_the_greatest_speed_across_the_bound_holds() -> None:
         assert found.lateral_speed == across
 
 
+@pytest.mark.parametrize("obstacle", [
+    car(1, 0, 1.75, 0.5, 0.0), car(1, 0, 1.75, 0.5, speed_is_known=False)
+])  # fmt: skip
+def test_who_stands_or_whose_speed_is_not_known_moves_across_as_assumed(obstacle: Obstacle) -> None:
+    found = seen(obstacle, replace(A, max_lateral_speed=0.1))
+    assert found.lateral_speed == 0.1
+    assert "max_lateral_speed" in found.assumptions
+
+
 def test_noise_is_not_reversing() -> None:
     found = seen(car(1, 0, 1.75, speed=-BACKWARDS))
     assert not found.reversing
