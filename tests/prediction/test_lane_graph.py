@@ -152,6 +152,7 @@ def test_how_a_vehicle_came_to_the_egos_lane_is_marked() -> None:
         pairs = zip(graph.lanelet.tolist(), graph.how.tolist(), strict=True)
         return {(table.strips[i].id, how) for i, how in pairs}
 
+    assert len(nodes(3, True, {3})) == 3
     assert nodes(1, False, {3}) == {(1, PLAIN), (3, CUT)}
     assert nodes(3, False, {3}) == {(1, PLAIN), (3, CUT), (3, PLAIN)}
     # Who leaves the ego's lane and comes back has changed into it.

@@ -11,7 +11,7 @@ import pytest
 
 from prediction.traffic import bend, car, fork, lanelet, line, scene, straight_road
 from sandra.errors import ScenarioError, SettingsError
-from sandra.prediction import predict
+from sandra.prediction import predict, slicing
 from sandra.prediction.geometry import clip, minkowski, unpadded
 from sandra.prediction.lane_cutting import build_map
 from sandra.prediction.most_likely import _bend, _path, trajectories
@@ -184,7 +184,9 @@ def test_what_was_assumed_is_named() -> None:
 
 def test_corners_of_a_sum_between_parallel_edges_are_left_out() -> None:
     """Parallel up to 1e-7 rad."""
-    for turn, count in ((1e-7, 3), (1.001e-7, 4)):
+    limit = math.tan(1e-7)
+    assert np.arctan2(limit, 1.0) == 1e-7
+    for turn, count in ((limit, 3), (1.001e-7, 4)):
         polygon = np.array([[[0.0, 0.0], [1.0, 0.0], [2.0, turn], [0.0, 1.0]]])
         found = unpadded(minkowski(polygon, np.zeros((1, 1, 2))))[0]
         assert len(found) == count
@@ -202,6 +204,7 @@ def test_corners_are_left_out_up_to_the_growth(monkeypatch: pytest.MonkeyPatch) 
     edges = [(b - a) / abs(b - a) for a, b in pairwise(p)]
     further = _meeting(p, edges, 0, 2)
     assert further is not None
+    assert slicing.GROWTH <= 0.01
     growth = max((edges[k].conjugate() * (p[k] - further)).imag for k in (1, 2))
     for most, first in ((growth, further), (math.nextafter(growth, 0.0), p[1])):
         monkeypatch.setattr("sandra.prediction.slicing.GROWTH", most)
@@ -266,3 +269,35 @@ def test_nothing_is_computed_beyond_the_horizon() -> None:
     rows = np.isfinite(plan.vehicle.offsets)
     assert rows.all(axis=1).tolist() == [True] * 7 + [False] * 4 + [True] * 6 + [False] * 4
     assert not rows[~rows.all(axis=1)].any()
+
+
+def test_recorded_sets_have_a_middle() -> None:
+    sets = tuple((Region.rectangle(4, 2).placed(10.0 + k, 1.75, 0.0),) for k in range(6))
+    now = scene(ROAD, (car(1, 10.0, 1.75, speed=10.0, occupancies=sets),))
+    (each,) = predict(now, "recorded", 5).obstacles
+    assert each.states[:, :2] == pytest.approx(np.array([[10.0 + k, 1.75] for k in range(6)]))
+
+
+def test_headings_in_a_gap_turn_the_short_way() -> None:
+    """From 3.1 rad to -3.1 rad, past pi."""
+    rows = recording(5)
+    rows[:, 2] = [3.1, np.nan, np.nan, np.nan, -3.1]
+    rows[1:4] = np.nan
+    (each,) = predict(scene(ROAD, (car(1, 0, 1.75, states=rows),)), "recorded", 4).obstacles
+    turned = np.mod(each.states[:, 2] - 3.1 + np.pi, 2 * np.pi) - np.pi
+    assert turned == pytest.approx(np.arange(5) * (2 * np.pi - 6.2) / 4)
+
+
+def test_offset_from_the_lane_stays_from_lanelet_to_lanelet() -> None:
+    """In a bend of 60 m radius that consists of two lanelets."""
+    whole = bend()[0]
+    n = len(whole.right) // 2
+    lanelets = (
+        lanelet(1, whole.right[: n + 1], whole.left[: n + 1], successors=(2,)),
+        lanelet(2, whole.right[n:], whole.left[n:], predecessors=(1,)),
+    )
+    start = np.array([0.0, -2.5])
+    states = predict(scene(lanelets, (car(1, *start, speed=20.0),)), "most-likely", 40)
+    away = states.obstacles[0].states[:, :2] - [0.0, 60.0]
+    assert np.hypot(*away.T) == pytest.approx(62.5, abs=0.05)
+    assert float(np.arctan2(away[-1, 0], -away[-1, 1])) > 1.2

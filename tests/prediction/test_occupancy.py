@@ -89,3 +89,10 @@ def test_only_what_left_something_out_is_named() -> None:
                            "the velocity along the lane",)  # fmt: skip
     found = predict(now, "set-based", 25)
     assert {"legal_cut_in", "no_rear_end"} <= set(found.obstacles[0].assumptions)
+
+
+def test_a_body_that_is_partly_in_the_oncoming_lane_may_stay_there() -> None:
+    """It sticks out of its own carriageway by 0.7 m, road or not."""
+    now = scene(straight_road(1, oncoming=True), (car(1, 0.0, 3.3),))
+    _, high = spread_y(predict(now, "set-based", 10).obstacles[0].at[10])
+    assert 4.2 <= high <= 4.25
