@@ -135,8 +135,9 @@ class LaneMap:
             found[lanelet] = way
             strip = self.strips[lanelet]
             todo += [(i, way) for i in (strip.left_id, strip.right_id) if i is not None]
-            for i in strip.predecessors:
-                todo.append((i, way + float(self.strips[i].s[-1]) if way else 1e-6))
+            # Those before the start are behind at once; further ones by the lanelets between.
+            further = way + float(strip.s[-1]) if way else 1e-6
+            todo += [(i, further) for i in strip.predecessors]
         return list(found)
 
 

@@ -172,9 +172,7 @@ def _prediction(
     """Put a prediction together."""
     obstacle, first, vehicle = likely.obstacle, plan.first, plan.vehicle
     if first > horizon:
-        return PredictedObstacle(
-            obstacle, ((),) * (horizon + 1), ((),) * horizon, likely.states, (), ()
-        )
+        return PredictedObstacle(obstacle, ((),) * (horizon + 1), ((),) * horizon, likely.states)
     steps = horizon - first
     between = occupancy.rows[horizon + 1 : horizon + 1 + steps]
     later = occupancy.rows[1 : steps + 1] if instants else between
