@@ -366,8 +366,9 @@ def played(heading: float, v: float) -> bool:
     """Whether a round vehicle in the middle of a wide lanelet along x is played."""
     state = np.array([[0.0, 0.0, heading, v, 0.0]])
     other = replace(BASE.obstacles[0], outline=Region.disc(1.0), states=state)
-    wide = [(shapely.box(-50.0, -50.0, 50.0, 50.0), 0.0)]
-    return any(True for _ in _straight_on(other, 0.1, Assumptions(), wide))
+    left, right = (np.array([[-50.0, y], [50.0, y]]) for y in (50.0, -50.0))
+    wide = Pavement(1, left, right, None)
+    return bool(_straight_on(replace(BASE, obstacles=(other,), lanelets=(wide,))))
 
 
 def test_who_drives_along_its_lane_is_played() -> None:

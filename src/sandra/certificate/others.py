@@ -119,7 +119,8 @@ def _straight_on(c: Certificate) -> list[_Played]:
     now = [_placed(o.outline, o.states[:1, :3])[0] for o in driving]
     inside = shapely.covers(areas[None, :], np.array(now, dtype=object)[:, None])
     headings = np.array([o.states[0, 2] for o in driving])
-    turned = np.abs(np.remainder(courses - headings[:, None] + np.pi, 2 * np.pi) - np.pi)
+    turned = courses - headings[:, None]
+    turned = np.abs(turned - 2 * np.pi * np.round(turned / (2 * np.pi)))
     a = c.settings.assumptions
     found = []
     for o, homes in zip(driving, inside & (turned <= ALONG), strict=True):
