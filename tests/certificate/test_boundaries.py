@@ -640,3 +640,21 @@ def test_another_first_state_is_told_with_both_values() -> None:
     assert isinstance(violation, Violation)
     assert (violation.step, violation.time) == (0, BASE.t_dec)
     assert violation.sentence.startswith("the fail-safe's first state has speed 20.000000 m/s")
+
+
+def test_a_vehicle_is_played_in_the_lanelet_that_holds_it() -> None:
+    ends = np.array([-50.0, 50.0])
+    elsewhere, here = (
+        Pavement(
+            number,
+            np.column_stack([ends, np.full(2, low + 20.0)]),
+            np.column_stack([ends, np.full(2, low)]),
+            None,
+        )
+        for number, low in ((1, 50.0), (2, -10.0))
+    )
+    state = np.array([[0.0, 0.0, 0.0, 5.0, 0.0]])
+    other = replace(BASE.obstacles[0], outline=Region.disc(1.0), states=state)
+    found = _straight_on(replace(BASE, obstacles=(other,), lanelets=(elsewhere, here)))
+    assert found
+    assert all(each.within.bounds == (-50.0, -10.0, 50.0, 10.0) for each in found)

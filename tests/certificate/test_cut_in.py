@@ -69,3 +69,35 @@ def test_it_agrees_with_what_is_played_out() -> None:
             assert gap >= -1e-3
         seen.add(type(answer))
     assert len(seen) == 2
+
+
+def test_the_slack_may_be_used_in_full(monkeypatch: pytest.MonkeyPatch) -> None:
+    c = relying(made(stop=constant(-2.0, 100), rules=()))
+    found = cut_in(c)
+    assert isinstance(found, Violation)
+    assert found.measured is not None
+    assert found.allowed is not None
+    missing = found.measured - found.allowed
+    # The same subtraction that the condition makes, so the same number to the last bit.
+    monkeypatch.setattr("sandra.certificate.cut_in.SLACK", missing)
+    assert not isinstance(cut_in(c), Violation)
+    monkeypatch.setattr("sandra.certificate.cut_in.SLACK", np.nextafter(missing, 0.0))
+    assert isinstance(cut_in(c), Violation)
+
+
+def test_the_violation_says_when_and_who() -> None:
+    c = made(inputs=constant(-2.0, 30), stop=constant(-2.0, 98), rules=())
+    found = cut_in(relying(c))
+    assert isinstance(found, Violation)
+    assert found.step is not None
+    assert found.time == pytest.approx(found.step * TAU)
+    assert f"{found.measured:.2f} m" in found.sentence
+    assert f"like obstacle {c.obstacles[0].id}, need only leave {found.allowed:.2f} m" in (
+        found.sentence
+    )
+    later = made(stop=np.vstack([constant(-6.0, 10), constant(-1.0, 140)]), rules=())
+    late = cut_in(relying(later))
+    assert isinstance(late, Violation)
+    assert late.step is not None
+    assert late.step > 0
+    assert late.time == pytest.approx(late.step * TAU)
