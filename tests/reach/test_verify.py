@@ -13,6 +13,7 @@ from reach_scenes import Course, prediction
 from sandra.actions import ALL_PAIRS, ActionPair
 from sandra.errors import SettingsError
 from sandra.logic import Specification, Vocabulary, specification
+from sandra.prediction import predict
 from sandra.reach import (
     Ground,
     ReachableSet,
@@ -24,7 +25,7 @@ from sandra.reach import (
     verify_on,
     verify_pair,
 )
-from sandra.scene import load
+from sandra.scene import Scene, load
 from sandra.settings import Settings
 
 H = 15
@@ -395,3 +396,33 @@ def test_who_can_only_brake_is_farthest_before_the_end() -> None:
         assert max(b.rectangle[1] for b in found.reachable_set.steps[k]) >= farthest - 1e-6
     # From then on it would drive backwards.
     assert found.first_empty_step == 26
+
+
+def test_bounds_in_seconds_are_those_of_the_scene() -> None:
+    """At 10 m/s and -6 m/s^2 the ego is at 4 m/s after 1 s, and not at 2 m/s."""
+    course = Course()
+    base = ground_of(course.scene(course.lanes(), (), speed=10.0, dt=0.2))
+    pair = ActionPair.parse("decelerate,follow-lane")
+    assert verify_pair(base, pair, ["F[0,1s](v <= 4.1)"]).status is Status.REACHABLE
+    assert verify_pair(base, pair, ["F[0,1s](v <= 2)"]).status is Status.UNSAFE
+
+
+def test_a_single_verdict_explains_itself_unless_told_not_to() -> None:
+    course = Course()
+    base = ground_of(course.scene(course.lanes(left=0), (), speed=10.0, dt=0.2))
+    pair = ActionPair.parse("keep,left-lane")
+    explained, short = verify_pair(base, pair), verify_pair(base, pair, reasons=False)
+    assert explained.status is short.status is Status.UNSAFE
+    assert explained.status.value == "UNSAFE"
+    assert explained.reason is not None
+    assert "no left-adjacent lane" in explained.reason
+    assert short.reason is None
+    corridor = explained.reachable_set.corridor()
+    assert corridor.steps == ()
+    assert corridor.lattice is explained.reachable_set.lattice
+    assert corridor.horizon == base.horizon
+
+
+def ground_of(scene: Scene) -> Ground:
+    settings = Settings(horizon=10)
+    return ground(scene, predict(scene, "most-likely", 10, settings), settings)
