@@ -33,7 +33,7 @@ MILDEST = 4.0
 MOST_OPTIMISED = 2
 """For so many of a pair's witnesses the fail-safe's speed is optimised where samples fail: what
 blocks the first mostly blocks the others too."""
-ALIKE = np.array([0.02, 0.02, 0.005, 0.1, 0.02])
+ALIKE = (0.02, 0.02, 0.005, 0.1, 0.02)
 """States at the next decision that differ by no more than this are asked about once: from where no
 fail-safe was found, none is looked for again [m, m, rad, m/s, rad]."""
 
