@@ -148,11 +148,11 @@ def _where(
 ) -> list[tuple[Polygon, Polygon]]:
     """The parts of a candidate in which all literals of a move may hold."""
     parts = [(candidate.lon, candidate.lat)]
-    for literal in move.literals:
+    for atom, truth in move.literals:
         parts = [
             cell
             for lon, lat in parts
-            for cell in _restricted(lon, lat, problem.regions(literal, k, lon, lat))
+            for cell in _restricted(lon, lat, problem.answers[atom](truth, k, lon, lat))
         ]
     return parts
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from sandra.reach.lattice import Lattice, Mask
-from sandra.reach.moves import Interval, Literal, Moves
+from sandra.reach.moves import Interval, Moves
 from sandra.reach.polygon import Polygon
 
 
@@ -28,9 +28,9 @@ Union = tuple[Piece, ...]
 Region = tuple[Union, ...]
 """An intersection of unions; no unions at all: everywhere."""
 
-Regions = Callable[[Literal, int, Polygon, Polygon], Region]
-"""(literal, step, (s, v_s) polygon, (d, v_d) polygon) -> where, within these polygons, the literal
-may hold. Over-approximates: a state outside it makes the literal false for sure."""
+Answer = Callable[[bool, int, Polygon, Polygon], Region]
+"""(truth, step, (s, v_s) polygon, (d, v_d) polygon) -> where, within these polygons, an atom may
+have that truth. Over-approximates: a state outside of it has the other truth for sure."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,6 +39,7 @@ class Problem:
 
     `lon` (s, v_s) and `lat` (d, v_d) are the initial polygons [m, m/s]. `forbidden[k]` marks
     cells in which the body collides for sure at step k, wherever in the cell its centre is.
+    `answers[i]` tells where atom i, of which the moves' literals speak, may hold.
     """
 
     dt: float
@@ -51,4 +52,4 @@ class Problem:
     lattice: Lattice
     forbidden: tuple[Mask, ...]
     moves: Moves
-    regions: Regions
+    answers: tuple[Answer, ...]

@@ -18,7 +18,7 @@ from sandra.reach.kernel import reachable_set
 from sandra.reach.lattice import Mask
 from sandra.reach.moves import moves_of
 from sandra.reach.problem import Problem
-from sandra.reach.regions import regions_of
+from sandra.reach.regions import answers_of
 from sandra.reach.sets import ReachableSet
 from sandra.reach.verdict import Status, Verdict, Verdicts
 from sandra.scene.types import Scene
@@ -111,6 +111,6 @@ def compute(
             lattice=base.lattice,
             forbidden=base.forbidden if forbidden is None else forbidden,
             moves=moves_of(spec.dfa, inputs, base.horizon),
-            regions=regions_of(base, spec.dfa.atoms),
+            answers=answers_of(base, spec.dfa.atoms),
         )
     )
