@@ -7,8 +7,8 @@ from math import inf
 import numpy as np
 import pytest
 
-from sandra.reach import Lattice, Piece, Problem, ReachableSet, reachable_set
-from sandra.reach.kernel import _restricted
+from sandra.reach import Lattice, Piece, Problem, ReachableSet
+from sandra.reach.kernel import _restricted, reachable_set
 from sandra.reach.moves import UNBOUNDED, Interval, Move, Moves
 from sandra.reach.polygon import range_x, range_y
 from sandra.reach.problem import Region

@@ -12,7 +12,7 @@ from itertools import pairwise
 from math import asin, atan2, cos, inf, pi, sin
 
 from sandra.reach.bands import Band, Stretch
-from sandra.reach.lattice import Lattice
+from sandra.reach.lattice import Copied, Lattice
 from sandra.reach.polygon import Polygon, range_x, range_y
 from sandra.reach.problem import Piece, Region, Union
 
@@ -22,7 +22,7 @@ PIECE_MERGE = 0.2
 
 
 @dataclass(frozen=True, eq=False)
-class Fixed:
+class Fixed(Copied):
     """The same for every step and base set."""
 
     holds: Region
@@ -72,7 +72,7 @@ class Body:
 
 
 @dataclass(frozen=True, eq=False)
-class Touching:
+class Touching(Copied):
     """in_lane(x, L): the body touches a lanelet of L (paper Sec. III-C)."""
 
     bands: tuple[Band, ...]
@@ -136,7 +136,7 @@ Table = tuple[tuple[tuple[float, Cuts], ...], ...]
 
 
 @dataclass(frozen=True, eq=False)
-class SafeDistance:
+class SafeDistance(Copied):
     """R_G1's keeps_safe_distance towards whatever precedes (paper eq. (5) and (6)).
 
     Where the disc inscribed in the body, of radius `inner` [m], touches a lane, the nearest vehicle

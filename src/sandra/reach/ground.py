@@ -89,10 +89,9 @@ def ground(scene: Scene, prediction: Prediction, settings: Settings) -> Ground:
     lon, lat = initial_set(scene, settings)
     lattice = lattice_of(scene, prediction.horizon, lon, lat, settings)
     s_lines, d_lines = lattice.corners()
-    beyond_road = off_road(scene, lattice)
-    occupied = windows(
-        prediction, grid(scene, s_lines, d_lines), scene.ego.width / 2 - bulge(scene, lattice)
-    )
+    corners, bulges = grid(scene, s_lines, d_lines), bulge(scene, lattice)
+    beyond_road = off_road(scene, lattice, corners, bulges)
+    occupied = windows(prediction, corners, scene.ego.width / 2 - bulges)
     samples = np.linspace(0.0, 1.0, 5)
     kappa = scene.frame.curvature((s_lines[:-1, None] + lattice.ds * samples).ravel())
     kappa = kappa.reshape(lattice.columns, samples.size)

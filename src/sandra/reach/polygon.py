@@ -31,9 +31,24 @@ def hull(points: list[Point]) -> Polygon:
     return lower[:-1] + upper[:-1]
 
 
+def joined(polygons: list[Polygon]) -> Polygon:
+    """The convex hull of convex polygons, from their lower and their upper chains apart."""
+    lower: list[Point] = []
+    upper: list[Point] = []
+    for polygon in polygons:
+        first, last = polygon.index(min(polygon)), polygon.index(max(polygon))
+        lower += _run(polygon, first, last)
+        upper += _run(polygon, last, first)
+    below, above = _chain(sorted(lower)), _chain(sorted(upper, reverse=True))
+    return below[:-1] + above[:-1] or below
+
+
 def _chain(points: list[Point]) -> Polygon:
+    """The points, which are sorted, at which it turns left."""
     chain: Polygon = []
     for x, y in points:
+        if chain and chain[-1] == (x, y):
+            continue
         while len(chain) > 1:
             (ax, ay), (bx, by) = chain[-2], chain[-1]
             if (bx - ax) * (y - ay) - (by - ay) * (x - ax) > 0.0:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
 
 from sandra.reach.lattice import Lattice, Mask
@@ -53,3 +53,24 @@ class Problem:
     forbidden: tuple[Mask, ...]
     moves: Moves
     answers: tuple[Answer, ...]
+
+    def until_the_last_letter(self) -> Hashable:
+        """All that decides the steps before the last one."""
+        rows = tuple(
+            tuple(
+                (m.target, m.inputs, tuple((id(self.answers[i]), truth) for i, truth in m.literals))
+                for m in row
+            )
+            for row in self.moves.moves
+        )
+        bounds = self.dt, self.horizon, self.a_lat, self.v_lon, self.v_lat
+        start = tuple(self.lon), tuple(self.lat), self.moves.initial
+        return rows, self.moves.live, bounds, start, self.lattice, id(self.forbidden)
+
+
+def alike(problems: Sequence[Problem]) -> list[list[int]]:
+    """Indices of problems, together where they differ in nothing but the last letter."""
+    groups: dict[Hashable, list[int]] = {}
+    for i, problem in enumerate(problems):
+        groups.setdefault(problem.until_the_last_letter(), []).append(i)
+    return list(groups.values())
