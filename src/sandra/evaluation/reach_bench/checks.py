@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sandra.errors import SandraError
-from sandra.evaluation.reach_bench.hand_over import reference_line, samples
-from sandra.reach import Ground
+from sandra.evaluation.reach_bench.hand_over import reference_line
+from sandra.reach import Ground, ReachableSet
 from sandra.reach.lattice import Mask
 
 Array = NDArray[np.float64]
@@ -42,15 +43,22 @@ class Areas:
     smallest: float
 
     @staticmethod
-    def of(ours: list[float], peers: list[float]) -> Areas:
+    def of(ours: Sequence[float], peers: Sequence[float]) -> Areas:
         """Compare the areas [m^2] of all steps."""
         pairs = zip(ours, peers, strict=True)
         ratios = [mine / other for mine, other in pairs if other >= LARGE]
         return Areas(max(ratios, default=1.0), min(ratios, default=1.0))
 
 
-def check_frame(base: Ground, points: list[list[float] | None]) -> float:
-    """The largest distance between our and the peer's (s, d) of the same points [m].
+def corners_of(found: ReachableSet) -> Array:
+    """(n, 2) corners (s, d) of our base sets, a few hundred over all steps [m]."""
+    boxes = [b.rectangle for step in found.steps for b in step]
+    every = max(1, len(boxes) // 50)
+    return np.array([(box[i], box[j]) for box in boxes[::every] for i in (0, 1) for j in (2, 3)])
+
+
+def check_frame(base: Ground, corners: Array, points: list[list[float] | None]) -> float:
+    """The largest distance between (s, d) of the same points in our and the peer's frame [m].
 
     Raises:
         NotTheSame: if it exceeds `FRAME_TOLERANCE`, or points lie outside of the peer's frame.
@@ -58,11 +66,11 @@ def check_frame(base: Ground, points: list[list[float] | None]) -> float:
     missing = sum(point is None for point in points)
     if missing:
         raise NotTheSame(
-            f"the peer's coordinate system lacks {missing} of {len(points)} points near the lane"
+            f"the peer's coordinate system lacks {missing} of {len(points)} points of our set"
         )
     start = reference_line(base)[1]
     found = np.array(points, dtype=np.float64) + np.array([start, 0.0])
-    apart = float(np.abs(found - samples(base)).max())
+    apart = float(np.abs(found - corners).max())
     if apart > FRAME_TOLERANCE:
         raise NotTheSame(f"the two frames differ by {apart:.2f} m, more than {FRAME_TOLERANCE} m")
     return apart
@@ -138,7 +146,7 @@ def check_obstacles(collides: list[list[bool]]) -> float:
     return share
 
 
-def check_areas(ours: list[float], peers: list[float], tolerance: float) -> Areas:
+def check_areas(ours: Sequence[float], peers: Sequence[float], tolerance: float) -> Areas:
     """Our areas beside the peer's at matched resolution, on the same forbidden cells.
 
     Raises:

@@ -10,21 +10,17 @@ from numpy.typing import NDArray
 
 from sandra.reach import Ground
 from sandra.reach.lattice import Mask, boxes
-from sandra.scene.frame import Frame
 from sandra.scene.types import Lanelet, Region
 
 Array = NDArray[np.float64]
 Rectangle = tuple[float, float, float, float]
 """(s_low, s_high, d_low, d_high) in the peer's frame [m]."""
 
-MARGIN = 2.0
-"""The reference line is ours so far beyond the lattice, at either end [m]."""
-BEYOND = 100.0
-"""And goes straight on from there [m]: the peer drops a border that is partly beyond its ends."""
+BEYOND = 200.0
+"""The reference line goes straight on at either end [m]: borders partly beyond its ends are dropped
+by the peer."""
 CORNERS = 32
 """A disc becomes a polygon with so many corners, half inside of it, half outside."""
-SAMPLES = 15
-"""Points along s, and across, in which the two frames are compared."""
 FAR = 1e3
 """Boxes close what lies beyond the lattice up to so far from it [m]."""
 
@@ -60,7 +56,6 @@ def problem_of(base: Ground) -> dict[str, Any]:
         },
         "length": ego.length,
         "width": ego.width,
-        "points": base.scene.frame.to_cartesian(samples(base)).tolist(),
     }
 
 
@@ -75,28 +70,18 @@ def reference_line(base: Ground) -> tuple[Array, float]:
     """
     frame = base.scene.frame
     s = base.lattice.corners()[0]
-    low, high = float(s[0]) - MARGIN, float(s[-1]) + MARGIN
-    apart = MARGIN / 2
-    inner = frame.stations[(frame.stations > low + apart) & (frame.stations < high - apart)]
-    at = np.array([low, *inner, high])
-    line = frame.to_cartesian(np.column_stack([at, np.zeros_like(at)]))
+    # One point more at either end, so that the normals under the lattice stay as they are.
+    low = max(0, int(np.searchsorted(frame.stations, s[0], side="right")) - 2)
+    high = int(np.searchsorted(frame.stations, s[-1])) + 2
+    line = frame.line[low:high]
     first = line[0] + BEYOND * _direction(line[0] - line[1])
     last = line[-1] + BEYOND * _direction(line[-1] - line[-2])
-    return np.array([first, *line, last]), low - BEYOND
+    return np.array([first, *line, last]), float(frame.stations[low]) - BEYOND
 
 
 def _direction(vector: Array) -> Array:
     unit: Array = vector / np.linalg.norm(vector)
     return unit
-
-
-def samples(base: Ground) -> Array:
-    """(n, 2) points (s, d) of our frame, spread over the lattice [m]."""
-    s, d = base.lattice.corners()
-    limit = 0.8 * Frame(reference_line(base)[0]).clearance
-    across = np.linspace(max(d[0], -limit), min(d[-1], limit), SAMPLES)
-    mesh = np.meshgrid(np.linspace(s[0], s[-1], SAMPLES), across, indexing="ij")
-    return np.stack(mesh, axis=-1).reshape(-1, 2)
 
 
 def forbidden_boxes(base: Ground) -> list[list[Rectangle]]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from math import hypot
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -12,10 +11,10 @@ from typing import Any
 from sandra.actions import ActionPair
 from sandra.evaluation.reach_bench import checks as check
 from sandra.evaluation.reach_bench.hand_over import beyond_the_road, forbidden_boxes, problem_of
-from sandra.evaluation.reach_bench.ours import free_set, prepare, time_ours
+from sandra.evaluation.reach_bench.ours import OurTimes, free_set, prepare, time_ours
 from sandra.evaluation.reach_bench.peer import Peer, PeerError
 from sandra.evaluation.reach_bench.rows import Checks, Ours, Peers, Report, Row
-from sandra.reach import Ground
+from sandra.reach import Ground, ReachableSet
 from sandra.scene import load
 from sandra.scene.types import Scene
 from sandra.settings import Settings
@@ -86,15 +85,16 @@ def _row(
     progress: Callable[[str], None],
 ) -> Row:
     base = prepare(scene, settings)
+    found = free_set(base)
     refused, checks = None, None
     frame = 0.0
     if peer is not None:
         progress("checks")
         try:
-            frame, checks = _checked(base, peer, tolerance)
+            frame, checks = _checked(base, found, peer, tolerance)
         except (PeerError, check.NotTheSame) as error:
             refused, peer = str(error), None
-    found, times = free_set(base), []
+    times: list[OurTimes] = []
     theirs: list[dict[str, float]] = []
     for run in range(runs + 1):
         progress(f"run {run} of {runs}" if run else "warming up")
@@ -103,12 +103,13 @@ def _row(
             prepared = peer.ask(_prepare(base))
             theirs.append({**prepared, **peer.ask({"do": "compute"})})
     ours = Ours(
-        *(
-            median(getattr(run, name) for run in times[1:])
-            for name in ("predict", "ground", "free", "pair", "every")
-        ),
-        tuple(found.area(k) for k in range(base.horizon + 1)),
-        sum(len(step) for step in found.steps),
+        predict=median(run.predict for run in times[1:]),
+        ground=median(run.ground for run in times[1:]),
+        free=median(run.free for run in times[1:]),
+        pair=median(run.pair for run in times[1:]),
+        every=median(run.every for run in times[1:]),
+        areas=_areas(found),
+        sets=sum(len(step) for step in found.steps),
     )
     peers = None
     if peer is not None:
@@ -138,10 +139,16 @@ def _prepare(base: Ground) -> dict[str, Any]:
     return {"do": "prepare", "grid": GRID, "split": SPLIT, "beyond": beyond_the_road(base)}
 
 
-def _checked(base: Ground, peer: Peer, tolerance: float) -> tuple[float, Checks]:
+def _checked(
+    base: Ground, found: ReachableSet, peer: Peer, tolerance: float
+) -> tuple[float, Checks]:
     """Hand the problem over and compare: the time of the peer's frame [s], and what was found."""
-    answer = peer.ask(problem_of(base))
-    apart = check.check_frame(base, answer["points"])
+    if found.first_empty_step == 0:
+        raise check.NotTheSame("our set is empty from the start")
+    frame: float = peer.ask(problem_of(base))["frame_s"]
+    corners = check.corners_of(found)
+    points = base.scene.frame.to_cartesian(corners).tolist()
+    apart = check.check_frame(base, corners, peer.ask({"do": "locate", "points": points})["points"])
     peer.ask(_prepare(base))
     share = check.check_obstacles(peer.ask(check.forbidden_points(base))["collides"])
     peer.ask({"do": "compute"})
@@ -152,7 +159,7 @@ def _checked(base: Ground, peer: Peer, tolerance: float) -> tuple[float, Checks]
         {
             "do": "forbid",
             "grid": min(cell_s, cell_d),
-            "split": hypot(cell_s, cell_d),
+            "split": min(cell_s, cell_d),
             "boxes": forbidden_boxes(base),
             "beyond": beyond_the_road(base),
         }
@@ -160,15 +167,12 @@ def _checked(base: Ground, peer: Peer, tolerance: float) -> tuple[float, Checks]
     peer.ask({"do": "compute"})
     steps = peer.ask({"do": "sets"})["steps"]
     check.check_bounds(base, steps)
-    matched = [step["area"] for step in steps]
-    areas = check.check_areas(_areas(base), matched, tolerance)
+    matched = tuple(step["area"] for step in steps)
+    areas = check.check_areas(_areas(found), matched, tolerance)
     finer = base.settings.replace(cell_s=cell_s / 2, cell_d=cell_d / 2)
-    fine = check.Areas.of(_areas(prepare(base.scene, finer)), matched)
-    return answer["frame_s"], Checks(
-        apart, share, tuple(matched), areas.largest, areas.smallest, fine.largest
-    )
+    fine = check.Areas.of(_areas(free_set(prepare(base.scene, finer))), matched)
+    return frame, Checks(apart, share, matched, areas.largest, areas.smallest, fine.largest)
 
 
-def _areas(base: Ground) -> list[float]:
-    found = free_set(base)
-    return [found.area(k) for k in range(base.horizon + 1)]
+def _areas(found: ReachableSet) -> tuple[float, ...]:
+    return tuple(found.area(k) for k in range(found.horizon + 1))

@@ -77,6 +77,7 @@ class Peer:
             ready, _, _ = select.select([self._process.stdout], [], [], self._patience)
             if not ready:
                 self._process.kill()
+                self._process.wait()
                 raise PeerError(
                     f"the peer gave no answer to '{request['do']}' for {self._patience:g} s"
                 )

@@ -27,7 +27,10 @@ from commonroad.scenario.lanelet import Lanelet  # noqa: E402
 from commonroad.scenario.obstacle import DynamicObstacle, ObstacleType, StaticObstacle  # noqa: E402
 from commonroad.scenario.scenario import Scenario  # noqa: E402
 from commonroad.scenario.state import InitialState  # noqa: E402
-from commonroad_clcs.pycrccosy import CurvilinearCoordinateSystem  # noqa: E402
+from commonroad_clcs.pycrccosy import (  # noqa: E402
+    CartesianProjectionDomainError,
+    CurvilinearCoordinateSystem,
+)
 from commonroad_dc import pycrcc  # noqa: E402
 from commonroad_reach import pycrreach  # noqa: E402
 from commonroad_reach.data_structure.collision_checker import CollisionChecker  # noqa: E402
@@ -52,7 +55,7 @@ class Worker:
     def scene(self, asked: dict[str, Any]) -> dict[str, Any]:
         """Take a problem; `hand_over.problem_of` says what it consists of.
 
-        Answers with the time for the coordinate system, and where `points` (x, y) lie in it.
+        Answers with the time for the coordinate system.
         """
         scenario = Scenario(dt=asked["dt"])
         scenario.add_objects([_lanelet(row) for row in asked["lanelets"]])
@@ -64,7 +67,12 @@ class Worker:
         frame.compute_and_set_curvature()
         spent = time.process_time() - begin
         self.config = _configuration(asked, scenario, frame)
-        return {"frame_s": spent, "points": [_in_frame(frame, x, y) for x, y in asked["points"]]}
+        return {"frame_s": spent}
+
+    def locate(self, asked: dict[str, Any]) -> dict[str, Any]:
+        """(s, d) of each of `points` (x, y), None outside of the coordinate system."""
+        frame = self.config.planning.CLCS
+        return {"points": [_in_frame(frame, x, y) for x, y in asked["points"]]}
 
     def prepare(self, asked: dict[str, Any]) -> dict[str, Any]:
         """Make the collision checker; then, not timed, add `beyond`: boxes that stay forbidden."""
@@ -122,7 +130,7 @@ def _group(boxes: list[list[float]]) -> pycrcc.ShapeGroup:
 def _in_frame(frame: Any, x: float, y: float) -> list[float] | None:
     try:
         found: list[float] = frame.convert_to_curvilinear_coords(x, y).tolist()
-    except ValueError:  # outside of its domain
+    except CartesianProjectionDomainError:
         return None
     return found
 
