@@ -17,7 +17,7 @@ EPS = 1e-9
 PARALLEL = 1e-12
 """Corners whose distances to the side differ by no more lie on one line [m^2/s]."""
 
-MAX_CORNERS = 16
+MAX_CORNERS = 20
 """Above this number of corners, edges are dropped outwards."""
 
 
@@ -148,7 +148,8 @@ def _run(ring: Polygon, first: int, last: int) -> Polygon:
 def limit_corners(polygon: Polygon) -> Polygon:
     """At most `MAX_CORNERS` corners; an edge is dropped by extending its two neighbours outwards.
 
-    The edge whose removal adds the least area goes first.
+    The edge whose removal adds the least area goes first; none whose removal would widen the range
+    of x, the position.
     """
     while len(polygon) > MAX_CORNERS:
         best, at, corner = inf, -1, (0.0, 0.0)
@@ -180,6 +181,8 @@ def _extension(p: Point, q: Point, r: Point, t: Point) -> tuple[float, Point]:
     if lam < 0.0:
         return inf, q
     x, y = q[0] + lam * ux, q[1] + lam * uy
+    if not min(q[0], r[0]) <= x <= max(q[0], r[0]):
+        return inf, q
     area = abs((r[0] - q[0]) * (y - q[1]) - (r[1] - q[1]) * (x - q[0])) / 2
     return area, (x, y)
 
