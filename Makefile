@@ -47,8 +47,18 @@ soundness: .venv/.installed  ## reachable sets against random trajectories, cert
 differential: .venv/.installed  ## verdicts against an exhaustive grid search, into docs/differential.md (minutes)
 	$(BIN)/python scripts/differential.py --scenes 500 --seed 1 --workers 1
 
-bench: .venv/.installed  ## what a decision costs, stage by stage
+bench: .venv/.installed .venv-peer/.installed  ## our sets beside a peer's, timed; stages of a decision [ARGS='merge --runs 5']
+	$(BIN)/sandra bench reach $(ARGS)
 	$(BIN)/sandra bench decide
+
+# The peer needs an older Python and older packages than we do, hence an environment of its own.
+PEER_PYTHON ?= python3.11
+.venv-peer/.installed: scripts/peer/requirements.txt
+	@$(PEER_PYTHON) -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' 2>/dev/null || \
+	  { echo "make: $(PEER_PYTHON) is not Python 3.11, which the peer needs; name one: make bench PEER_PYTHON=/path/to/python3.11, or time ours alone: sandra bench reach --no-peer" >&2; exit 2; }
+	$(PEER_PYTHON) -m venv .venv-peer
+	.venv-peer/bin/python -m pip install --quiet --disable-pip-version-check --no-deps -r $<
+	@touch $@
 
 .venv-mutation/.installed: requirements.lock scripts/mutation/requirements.txt
 	$(PYTHON) -m venv .venv-mutation
@@ -81,4 +91,4 @@ lock:  ## resolve requirements.lock anew (needs uv)
 	  --output-file requirements.lock pyproject.toml
 
 clean:  ## remove the virtual environment, caches and pictures
-	rm -rf .venv .venv-mutation .venv-planner .mutation demo build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf .venv .venv-mutation .venv-peer .venv-planner .mutation demo build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache

@@ -8,7 +8,7 @@ import shapely
 
 from reach_scenes import Course
 from sandra.reach.cells import bulge, grid, off_road
-from sandra.reach.lattice import Lattice
+from sandra.reach.lattice import Lattice, Mask
 from sandra.scene.frame import Frame
 from sandra.scene.types import Scene
 
@@ -62,18 +62,23 @@ def test_corners_in_one_cell_add_up_whichever_way_they_turn() -> None:
     assert found == pytest.approx([4.0 * (1 + 0.5 * 0.3 / 0.5) * 0.5 / 4 + 1e-6])
 
 
+def off(scene: Scene, lattice: Lattice) -> Mask:
+    corners = grid(scene, *lattice.corners())
+    return off_road(scene, lattice, corners, bulge(scene, lattice))
+
+
 def test_off_the_road_are_cells_whose_disc_crosses_the_border_for_sure() -> None:
     """On a straight road: the centre of the cell is further out than border, disc and half a
     diagonal of the cell allow. At 1.75 m - 0.9 m + 0.28 m."""
     scene = Course().scene(Course().lanes(left=0, right=0))
-    found = off_road(scene, LATTICE)
+    found = off(scene, LATTICE)
     limit = 1.75 - 0.9 + np.hypot(0.5, 0.25) / 2
     assert limit == pytest.approx(1.1295, abs=1e-4)
     expected = np.abs(LATTICE.centers()[1]) > limit
     assert (found == expected[None, :]).all()
     assert expected.sum() == 30
     # as wide as the ego is, not the lane
-    both = off_road(Course().scene(), LATTICE)
+    both = off(Course().scene(), LATTICE)
     assert (both == (np.abs(LATTICE.centers()[1]) > limit + 3.5)[None, :]).all()
 
 
@@ -82,7 +87,7 @@ def test_slits_between_lanelets_are_no_border() -> None:
     lanes = course.lanes(left=0, right=0)
     for slit, closed in ((0.15, True), (0.25, False)):
         beside = course.lane("none", 110, 1.75 + slit, 5.25)
-        found = off_road(course.scene(lanes, more_lanelets=[beside]), LATTICE)
+        found = off(course.scene(lanes, more_lanelets=[beside]), LATTICE)
         assert found[:, np.abs(LATTICE.centers()[1] - 1.8) < 0.2].any() != closed
 
 
@@ -92,7 +97,7 @@ def test_long_cells_on_the_outside_of_a_bend_at_the_end_of_the_road(offset: floa
     course = Course(1 / 20, step=0.25)
     scene = course.scene([course.lane("current", 100, -12.0, 1.75, start=-20.0, end=15.0)])
     lattice = Lattice(20.0 + offset, -12.0, 2.0, 0.25, 12, 48)
-    found = off_road(scene, lattice)
+    found = off(scene, lattice)
     corners = shapely.points(grid(scene, *lattice.corners()))
     free = scene.lanelets[0].area()
     inside = np.where(shapely.covers(free, corners), shapely.distance(free.boundary, corners), 0.0)

@@ -10,7 +10,7 @@ from reach_particles import road, shape
 from reach_scenes import Course, prediction
 from sandra.logic import Predicate
 from sandra.reach import Ground, ground
-from sandra.reach.regions import regions_of
+from sandra.reach.regions import answers_of
 from sandra.scene.frame import Frame
 from sandra.scene.types import Region
 from sandra.settings import Settings
@@ -236,7 +236,7 @@ def test_a_lane_that_begins_ahead_is_felt_half_a_diagonal_before() -> None:
     reach = float(np.hypot(4.5, 1.8)) / 2
     assert 48.0 - reach - 1.05 <= left[0].s_low <= 48.0 - reach
     # the same of single lanelets
-    region = regions_of(base, (Predicate("in_lanelet", "101"),))
+    (answer,) = answers_of(base, (Predicate("in_lanelet", "101"),))
     for s, there in ((48.0 - reach, True), (48.0 - reach - 1.05, False)):
-        pieces = region((0, True), 3, [(s, 10.0)], [(3.5, 0.0)])
+        pieces = answer(True, 3, [(s, 10.0)], [(3.5, 0.0)])
         assert bool(pieces[0]) == there

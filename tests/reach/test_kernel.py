@@ -7,8 +7,8 @@ from math import inf
 import numpy as np
 import pytest
 
-from sandra.reach import Lattice, Piece, Problem, ReachableSet, reachable_set
-from sandra.reach.kernel import _restricted
+from sandra.reach import Lattice, Piece, Problem, ReachableSet
+from sandra.reach.kernel import _restricted, reachable_set
 from sandra.reach.moves import UNBOUNDED, Interval, Move, Moves
 from sandra.reach.polygon import range_x, range_y
 from sandra.reach.problem import Region
@@ -41,7 +41,7 @@ def problem(horizon: int = 2, inputs: Interval = (-1.0, 1.0), **changes: object)
             lattice=LATTICE,
             forbidden=(free,) * (horizon + 1),
             moves=moves(horizon, inputs),
-            regions=lambda literal, k, lon, lat: (),
+            answers=(),
         ),
         **changes,
     )
@@ -271,22 +271,24 @@ def test_every_literal_of_a_move_counts_at_every_step() -> None:
     """One cuts along the lane from step 1 on, the other one across it."""
     asked = []
 
-    def regions(literal: tuple[int, bool], k: int, lon: list, lat: list) -> Region:
-        asked.append((literal, k))
-        if literal == (0, True):
-            return ((Piece((-inf, inf if k == 0 else 4.0, -inf, inf)),),)
+    def along(truth: bool, k: int, lon: list, lat: list) -> Region:
+        asked.append(((0, truth), k))
+        return ((Piece((-inf, inf if k == 0 else 4.0, -inf, inf)),),)
+
+    def across(truth: bool, k: int, lon: list, lat: list) -> Region:
+        asked.append(((1, truth), k))
         return ((Piece((-inf, inf, 0.0, inf)), Piece((-inf, inf, -inf, -1.0))),)
 
     found = reachable_set(
         problem(
             lat=[(-1.5, 0.0), (0.5, 0.0)],
-            regions=regions,
+            answers=(along, across),
             moves=moves(2, (-1.0, 1.0), literals=((0, True), (1, False))),
         )
     )
     assert set(asked) >= {((0, True), 0), ((0, True), 1), ((1, False), 0), ((1, False), 1)}
-    across = np.array(sorted(b.rectangle[2:] for b in found.steps[0]))
-    assert across == pytest.approx(np.array([(-1.5, -1.0), (0.0, 0.5)]), abs=1e-6)
+    sides = np.array(sorted(b.rectangle[2:] for b in found.steps[0]))
+    assert sides == pytest.approx(np.array([(-1.5, -1.0), (0.0, 0.5)]), abs=1e-6)
     assert all(b.rectangle[1] == pytest.approx(4.0) for b in found.steps[1])
     assert found.first_empty_step == 2
 

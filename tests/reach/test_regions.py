@@ -11,17 +11,11 @@ from sandra.errors import FormulaError
 from sandra.logic import Atom, Predicate, parse
 from sandra.logic.formula import Not
 from sandra.reach import Ground, ground
+from sandra.reach.answers import PIECE_MERGE, not_touching, sure_band, touching
 from sandra.reach.bands import Leader, Stretch
 from sandra.reach.polygon import Polygon
-from sandra.reach.problem import Region, Regions
-from sandra.reach.regions import (
-    PIECE_MERGE,
-    _not_touching,
-    _sure_band,
-    _touching,
-    half_extent,
-    regions_of,
-)
+from sandra.reach.problem import Answer, Region
+from sandra.reach.regions import answers_of, body_of
 from sandra.settings import Settings
 
 TOLERANCE = 1e-9
@@ -93,7 +87,7 @@ def test_true_and_false_states_are_admitted(text: str, kappa: float, step: float
     base = bent(kappa, step)
     world = World(base)
     atom = atom_of(text)
-    regions = regions_of(base, (atom,))
+    (answer,) = answers_of(base, (atom,))
     rng = np.random.default_rng(4)
     states = states_of(base, 1200, 3)
     states = states[states[:, 1] <= 30.0]
@@ -102,11 +96,11 @@ def test_true_and_false_states_are_admitted(text: str, kappa: float, step: float
         truth = world.truth(atom, states, xy, world.headings(states, k, rng), k)
         for state, holds in zip(states, truth, strict=True):
             lon, lat = [(state[0], state[1])], [(state[2], state[3])]
-            assert admits(regions((0, bool(holds)), k, lon, lat), state), (state, holds)
+            assert admits(answer(bool(holds), k, lon, lat), state), (state, holds)
             # and as a part of a larger set
             wide_lon = [(state[0] - 1.0, state[1]), (state[0] + 1.0, state[1] + 1.0)]
             wide_lat = [(state[2] - 0.5, state[3] - 0.3), (state[2] + 0.5, state[3] + 0.2)]
-            assert admits(regions((0, bool(holds)), k, wide_lon, wide_lat), state), (state, holds)
+            assert admits(answer(bool(holds), k, wide_lon, wide_lat), state), (state, holds)
 
 
 @pytest.mark.parametrize("text", ATOMS)
@@ -115,18 +109,18 @@ def test_regions_tell_states_apart(text: str) -> None:
     base = bent(0.0, 10.0)
     world = World(base)
     atom = atom_of(text)
-    regions = regions_of(base, (atom,))
+    (answer,) = answers_of(base, (atom,))
     rng = np.random.default_rng(4)
     states = states_of(base, 1500, 9)
     states[:, 1] = np.clip(states[:, 1], 4.0, 30.0)
     states[:, 3] *= 0.1
     truth = world.truth(atom, states, world.positions(states), world.headings(states, 7, rng), 7)
-    kept = [admits(regions((0, True), 7, [tuple(x[:2])], [tuple(x[2:])]), x) for x in states]
+    kept = [admits(answer(True, 7, [tuple(x[:2])], [tuple(x[2:])]), x) for x in states]
     wrong = np.mean(np.array(kept)[~truth]) if (~truth).any() else 0.0
     # the loosest limit of all lanes counts, so limits tell least
     assert wrong < (0.6 if text == "keeps_lane_speed_limit" else 0.35), wrong
     if text.startswith("in_lane("):
-        out = [admits(regions((0, False), 7, [tuple(x[:2])], [tuple(x[2:])]), x) for x in states]
+        out = [admits(answer(False, 7, [tuple(x[:2])], [tuple(x[2:])]), x) for x in states]
         assert np.mean(np.array(out)[truth]) < 0.5
 
 
@@ -135,10 +129,10 @@ def test_a_leader_counts_as_soon_as_the_disc_touches_its_lane() -> None:
     course = Course()
     scene = course.scene(obstacles=[course.car(2, 8.0, 3.5)])
     base = ground(scene, prediction(scene, 5), Settings(horizon=5))
-    regions = regions_of(base, (Predicate("keeps_safe_distance", "preceding"),))
+    (answer,) = answers_of(base, (Predicate("keeps_safe_distance", "preceding"),))
     s, v = base.lon[0]
     for d, free in ((0.7, True), (0.95, False), (1.5, False), (3.5, False), (6.0, False)):
-        region = regions((0, True), 2, [(s, v)], [(d, 0.0)])
+        region = answer(True, 2, [(s, v)], [(d, 0.0)])
         assert admits(region, np.array([s, v, d, 0.0])) == free, d
 
 
@@ -147,7 +141,7 @@ def test_unknown_atoms(text: str) -> None:
     name, _, rest = text.partition("(")
     atom = Predicate(name, rest.rstrip(")") or None)
     with pytest.raises(FormulaError):
-        regions_of(bent(0.0, 10.0), (atom,))
+        answers_of(bent(0.0, 10.0), (atom,))
     assert isinstance(~atom, Not)
 
 
@@ -155,10 +149,10 @@ def test_lanes_that_are_not_there() -> None:
     course = Course()
     scene = course.scene(course.lanes(left=0, right=0))
     base = ground(scene, prediction(scene, 5), Settings(horizon=5))
-    regions = regions_of(base, (Predicate("in_lane", "left"),))
+    (answer,) = answers_of(base, (Predicate("in_lane", "left"),))
     lon, lat = [(0.0, 10.0)], [(0.0, 0.0)]
-    assert not admits(regions((0, True), 1, lon, lat), np.array([0.0, 10.0, 0.0, 0.0]))
-    assert admits(regions((0, False), 1, lon, lat), np.array([0.0, 10.0, 0.0, 0.0]))
+    assert not admits(answer(True, 1, lon, lat), np.array([0.0, 10.0, 0.0, 0.0]))
+    assert admits(answer(False, 1, lon, lat), np.array([0.0, 10.0, 0.0, 0.0]))
 
 
 # ------------------------------------------------------------------ exactly on the boundary
@@ -182,7 +176,7 @@ def test_pieces_that_a_base_set_touches() -> None:
     band = (stretch(0.0, 4.0), stretch(4.0, 8.0, -4.0, 1.0), stretch(8.0, 10.0))
 
     def pieces(s: tuple[float, float], d: tuple[float, float]) -> list:
-        return [p.box for p in _touching(band, 1.0, *box(s, d))]
+        return [p.box for p in touching(band, 1.0, *box(s, d))]
 
     assert pieces((1.0, 3.0), (-9.0, 9.0)) == [(0.0, 4.0, -3.0, 3.0)]
     assert pieces((1.0, 9.0), (-9.0, 9.0)) == [
@@ -208,9 +202,9 @@ def test_pieces_are_merged_up_to_a_difference_and_take_the_looser_bounds() -> No
     def pieces(*lefts: float, right: float = 0.0) -> list:
         """Stretches of 1 m with these left borders, or right borders of the opposite sign."""
         many = [stretch(i, i + 1.0, -9.0, left) for i, left in enumerate(lefts)]
-        over = [p.box for p in _touching(tuple(many), 0.0, *box((0.0, 9.0), (-5.0, 5.0)))]
+        over = [p.box for p in touching(tuple(many), 0.0, *box((0.0, 9.0), (-5.0, 5.0)))]
         mirrored = [stretch(i, i + 1.0, -left, 9.0) for i, left in enumerate(lefts)]
-        below = [p.box for p in _touching(tuple(mirrored), 0.0, *box((0.0, 9.0), (-5.0, 5.0)))]
+        below = [p.box for p in touching(tuple(mirrored), 0.0, *box((0.0, 9.0), (-5.0, 5.0)))]
         assert below == [(a, b, -high, -low) for a, b, low, high in over]
         return [(a, b, high) for a, b, _, high in over]
 
@@ -225,15 +219,14 @@ def test_pieces_are_merged_up_to_a_difference_and_take_the_looser_bounds() -> No
 
 def test_pieces_do_not_bridge_a_gap() -> None:
     band = (stretch(0.0, 1.0), stretch(2.0, 3.0))
-    found = _touching(band, 0.0, *box((0.0, 3.0), (-1.0, 1.0)))
+    found = touching(band, 0.0, *box((0.0, 3.0), (-1.0, 1.0)))
     assert [p.box for p in found] == [(0.0, 1.0, -1.0, 1.0), (2.0, 3.0, -1.0, 1.0)]
 
 
 def test_where_the_disc_is_in_no_lane() -> None:
     def outside(band: tuple[Stretch, ...], s: float, d: float) -> bool:
         return any(
-            p.box[0] <= s <= p.box[1] and p.box[2] <= d <= p.box[3]
-            for p in _not_touching(band, 0.5)
+            p.box[0] <= s <= p.box[1] and p.box[2] <= d <= p.box[3] for p in not_touching(band, 0.5)
         )
 
     band = (stretch(0.0, 1.0), stretch(1.0, 2.0), stretch(3.0, 4.0, -1.0, 1.0))
@@ -262,19 +255,19 @@ def test_where_the_disc_is_in_no_lane() -> None:
 def test_the_band_in_which_the_disc_touches_for_sure() -> None:
     nothing = (0.0, 0.0)
     two = [stretch(0.0, 1.0, -2.0, 2.0), stretch(1.0, 2.0, -1.5, 2.5)]
-    assert _sure_band(two, 0.0, 2.0, 0.5) == (-2.0, 2.5)
-    assert _sure_band(two[:1], 0.25, 0.5, 0.5) == (-2.5, 2.5)
+    assert sure_band(two, 0.0, 2.0, 0.5) == (-2.0, 2.5)
+    assert sure_band(two[:1], 0.25, 0.5, 0.5) == (-2.5, 2.5)
     # a micrometre beyond its ends is rounding, more is not
     micro = 1e-6
-    assert _sure_band([stretch(micro, 1.0)], 0.0, 1.0, 0.5) == (-2.5, 2.5)
-    assert _sure_band([stretch(2 * micro, 1.0)], 0.0, 1.0, 0.5) == nothing
-    assert _sure_band([stretch(-1.0, -micro)], -1.0, 0.0, 0.5) == (-2.5, 2.5)
-    assert _sure_band([stretch(-1.0, -2 * micro)], -1.0, 0.0, 0.5) == nothing
+    assert sure_band([stretch(micro, 1.0)], 0.0, 1.0, 0.5) == (-2.5, 2.5)
+    assert sure_band([stretch(2 * micro, 1.0)], 0.0, 1.0, 0.5) == nothing
+    assert sure_band([stretch(-1.0, -micro)], -1.0, 0.0, 0.5) == (-2.5, 2.5)
+    assert sure_band([stretch(-1.0, -2 * micro)], -1.0, 0.0, 0.5) == nothing
     # there must be no gap
-    assert _sure_band([stretch(0.0, 1.0), stretch(1.25, 2.0)], 0.0, 2.0, 0.5) == nothing
+    assert sure_band([stretch(0.0, 1.0), stretch(1.25, 2.0)], 0.0, 2.0, 0.5) == nothing
 
 
-def behind(lane: tuple[Stretch, ...], *vehicles: Leader) -> Regions:
+def behind(lane: tuple[Stretch, ...], *vehicles: Leader) -> Answer:
     """keeps_safe_distance on one lane with given vehicles, rear ends relative to the ego's half
     length; 4.5 m long, 1.8 m wide, a_min -6, a_obs_min -12 m/s^2, t_d 0.4 s."""
     course = Course()
@@ -282,11 +275,12 @@ def behind(lane: tuple[Stretch, ...], *vehicles: Leader) -> Regions:
     base = ground(scene, prediction(scene, 1), Settings(horizon=1))
     told = tuple(Leader(x.rear + 2.25, x.speed) for x in vehicles)
     base = replace(base, bands=(("current", lane),), leaders=((told, told),))
-    return regions_of(base, (Predicate("keeps_safe_distance", "preceding"),))
+    (answer,) = answers_of(base, (Predicate("keeps_safe_distance", "preceding"),))
+    return answer
 
 
-def keeps(regions: Regions, s: float, v: float, d: float = 0.0) -> bool:
-    region = regions((0, True), 1, [(s, v)], [(d, 0.0)])
+def keeps(answer: Answer, s: float, v: float, d: float = 0.0) -> bool:
+    region = answer(True, 1, [(s, v)], [(d, 0.0)])
     return admits(region, np.array([s, v, d, 0.0]))
 
 
@@ -299,9 +293,9 @@ def test_the_safe_distance_is_that_of_the_rule() -> None:
     needed = 10.0**2 / (2 * abs(settings.a_min)) + 10.0 * settings.t_d
     for speed in (0.0, 10.0):
         least = needed - speed**2 / (2 * abs(settings.a_obs_min))
-        regions = behind(LONG, Leader(100.0, speed))
-        assert keeps(regions, 100.0 - least - 1e-3, 10.0)
-        assert not keeps(regions, 100.0 - least + 1e-3, 10.0)
+        answer = behind(LONG, Leader(100.0, speed))
+        assert keeps(answer, 100.0 - least - 1e-3, 10.0)
+        assert not keeps(answer, 100.0 - least + 1e-3, 10.0)
     # 9 and 11 m/s lie between tangents, which are at most 1 / 12 m beside the parabola
     for v in (9.0, 11.0):
         least = v**2 / 12 + 0.4 * v
@@ -319,12 +313,12 @@ def test_the_highest_speed_has_a_tangent_of_its_own() -> None:
 
 
 def test_only_the_nearest_in_front_counts() -> None:
-    regions = behind(LONG, Leader(100.0, 20.0), Leader(101.0, 0.0))
-    assert keeps(regions, 95.0, 10.0)
-    assert not keeps(regions, 100.5, 10.0)
-    assert keeps(regions, 101.5, 10.0)
+    answer = behind(LONG, Leader(100.0, 20.0), Leader(101.0, 0.0))
+    assert keeps(answer, 95.0, 10.0)
+    assert not keeps(answer, 100.5, 10.0)
+    assert keeps(answer, 101.5, 10.0)
     # with the bumper exactly at a rear end it is the one or the other
-    assert keeps(regions, 100.0, 10.0)
+    assert keeps(answer, 100.0, 10.0)
     away = behind(LONG, Leader(100.0, 0.0), Leader(150.0, 20.0))
     assert not keeps(away, 99.9, 10.0)
     assert keeps(away, 100.0, 10.0)
@@ -333,9 +327,9 @@ def test_only_the_nearest_in_front_counts() -> None:
 
 def test_nothing_is_asked_where_the_disc_may_be_beside_the_lane() -> None:
     """Sure are 2 m of the lane and 0.9 m of the disc, with the border itself."""
-    regions = behind(LONG, Leader(100.0, 0.0))
+    answer = behind(LONG, Leader(100.0, 0.0))
     for d, free in ((2.8, False), (2.9, True), (3.0, True), (-2.8, False), (-2.9, True)):
-        assert keeps(regions, 99.0, 10.0, d) == free
+        assert keeps(answer, 99.0, 10.0, d) == free
     # a lane so narrow that nowhere the disc touches it for sure
     for gap in (0.9, 1.0):
         narrow = (Stretch(0.0, 200.0, -gap, gap, -gap, gap),)
@@ -353,8 +347,8 @@ def test_where_a_lane_begins_or_ends_nothing_is_asked() -> None:
     assert not keeps(behind(ends, ahead), 94.5, 10.0)
     # a set that reaches over the end is not asked either
     for lane, s in ((begins, (94.0, 95.5)), (ends, (94.5, 96.0))):
-        regions = behind(lane, ahead)
-        region = regions((0, True), 1, [(s[0], 10.0), (s[1], 10.0)], [(0.0, 0.0)])
+        answer = behind(lane, ahead)
+        region = answer(True, 1, [(s[0], 10.0), (s[1], 10.0)], [(0.0, 0.0)])
         assert all(admits(region, np.array([x, 10.0, 0.0, 0.0])) for x in s)
 
 
@@ -363,7 +357,8 @@ def test_the_limit_of_lanes_and_what_breaks_it() -> None:
     scene = course.scene()
     base = ground(scene, prediction(scene, 1), Settings(horizon=1))
     limits = ((-np.inf, 10.0, None, None), (10.0, 20.0, 5.0, 8.0), (20.0, np.inf, 6.0, 6.0))
-    regions = regions_of(replace(base, limits=limits), (Predicate("keeps_lane_speed_limit"),))
+    base = replace(base, limits=limits)
+    (answer,) = answers_of(base, (Predicate("keeps_lane_speed_limit"),))
     for s, v, kept, broken in (
         (5.0, 30.0, True, True),
         (15.0, 5.0, True, True),
@@ -377,19 +372,19 @@ def test_the_limit_of_lanes_and_what_breaks_it() -> None:
     ):
         state = np.array([s, v, 0.0, 0.0])
         at = [(s, v)], [(0.0, 0.0)]
-        assert admits(regions((0, True), 1, *at), state) == kept, (s, v)
-        assert admits(regions((0, False), 1, *at), state) == broken, (s, v)
+        assert admits(answer(True, 1, *at), state) == kept, (s, v)
+        assert admits(answer(False, 1, *at), state) == broken, (s, v)
 
 
 def test_predicates_with_other_arguments_are_unknown() -> None:
     base = bent(0.0, 10.0)
     for atom in (Predicate("keeps_safe_distance", "left"), Predicate("keeps_safe_distance")):
         with pytest.raises(FormulaError, match="unknown predicate"):
-            regions_of(base, (atom,))
+            answers_of(base, (atom,))
     with pytest.raises(FormulaError, match="unknown lane"):
-        regions_of(base, (Predicate("in_lane", "next"),))
+        answers_of(base, (Predicate("in_lane", "next"),))
     with pytest.raises(FormulaError, match="no lanelet 7 in the map"):
-        regions_of(base, (Predicate("in_lanelet", "7"),))
+        answers_of(base, (Predicate("in_lanelet", "7"),))
 
 
 @pytest.mark.parametrize(
@@ -409,12 +404,12 @@ def test_half_extent_of_the_body_on_a_straight_lane(v: float, w: float, angle: f
     s, d = base.lon[0][0], 0.0
     turned = min(angle, np.arctan2(2.25, 0.9))
     expected = 2.25 * np.sin(turned) + 0.9 * np.cos(turned)
-    assert half_extent(base, 1, [(s, v)], [(d, w)]) == pytest.approx(expected)
-    assert half_extent(base, 0, [(s, v)], [(d, w)]) == pytest.approx(
+    assert body_of(base).half_extent(1, [(s, v)], [(d, w)]) == pytest.approx(expected)
+    assert body_of(base).half_extent(0, [(s, v)], [(d, w)]) == pytest.approx(
         2.25 * np.sin(0.125) + 0.9 * np.cos(0.125)
     )
     # of a set its slowest and most lateral state counts
-    wide = half_extent(base, 1, [(s, v), (s + 1.0, v + 5.0)], [(d, w), (d + 1.0, w / 2)])
+    wide = body_of(base).half_extent(1, [(s, v), (s + 1.0, v + 5.0)], [(d, w), (d + 1.0, w / 2)])
     assert wide == pytest.approx(expected)
 
 
@@ -430,7 +425,9 @@ def test_half_extent_in_a_bend() -> None:
         forward = 10.0 * (1.0 - at * abs(d))
         angle = np.arctan2(1.0, forward) + np.arcsin(1.3 * 4.0 / forward**2)
         expected = 2.25 * np.sin(angle) + 0.9 * np.cos(angle) + 2.25**2 * at / 2
-        assert half_extent(base, 1, [(s, 10.0)], [(d, 1.0)]) == pytest.approx(expected, rel=1e-3)
+        assert body_of(base).half_extent(1, [(s, 10.0)], [(d, 1.0)]) == pytest.approx(
+            expected, rel=1e-3
+        )
 
 
 def test_in_a_lane_and_not_in_it_on_a_straight_road() -> None:
@@ -438,13 +435,13 @@ def test_in_a_lane_and_not_in_it_on_a_straight_road() -> None:
     base = bent(0.0, 10.0)
     s = base.lon[0][0]
     texts = ("in_lane(current)", "in_lane(left)", "in_lanelet(100)")
-    regions = regions_of(base, tuple(atom_of(text) for text in texts))
+    answers = answers_of(base, tuple(atom_of(text) for text in texts))
 
     def admitted(index: int, truth: bool, d: float) -> bool:
-        region = regions((index, truth), 3, [(s, 10.0)], [(d, 0.0)])
+        region = answers[index](truth, 3, [(s, 10.0)], [(d, 0.0)])
         return admits(region, np.array([s, 10.0, d, 0.0]))
 
-    side = half_extent(base, 3, [(s, 10.0)], [(0.0, 0.0)])
+    side = body_of(base).half_extent(3, [(s, 10.0)], [(0.0, 0.0)])
     for sign in (-1.0, 1.0):
         for index in (0, 2):
             assert admitted(index, True, sign * (1.75 + side))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 from sandra.cli.options import command, path_of, settings_of
@@ -13,10 +14,11 @@ from sandra.errors import SettingsError
 
 def add(commands: Any) -> None:
     parser = command(
-        commands, "bench", "measure what a decision costs", "sandra bench decide intersection"
+        commands, "bench", "measure what things cost", "sandra bench decide intersection"
     )
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
     _add_decide(actions)
+    _add_reach(actions)
 
 
 def _add_decide(actions: Any) -> None:
@@ -69,6 +71,75 @@ def _decide(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print_json({"decisions": [times.to_dict() for times in found]})
     return 0
+
+
+def _add_reach(actions: Any) -> None:
+    parser = command(
+        actions,
+        "reach",
+        "check and time reachable sets beside those of CommonRoad-Reach, in process CPU time",
+        "sandra bench reach merge my_scenario.xml --horizons 25",
+    )
+    parser.add_argument(
+        "scenarios",
+        metavar="SCENARIO",
+        nargs="*",
+        help="CommonRoad files, or names of 'sandra scenarios'; none: all of those",
+    )
+    parser.add_argument("--horizons", default="15,25,50", metavar="LIST", help="numbers of steps")
+    parser.add_argument("--runs", type=int, default=10, metavar="N", help="counted runs of each")
+    parser.add_argument(
+        "--pair", default="keep,follow-lane", metavar="PAIR", help="the pair that is timed alone"
+    )
+    parser.add_argument(
+        "--tolerance",
+        type=float,
+        default=1.25,
+        metavar="X",
+        help="largest factor between the two areas of a step at matched resolution",
+    )
+    parser.add_argument(
+        "--peer",
+        default=".venv-peer/bin/python",
+        metavar="PYTHON",
+        help="interpreter of the peer's environment",
+    )
+    parser.add_argument("--no-peer", action="store_true", help="time ours alone")
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    parser.set_defaults(run=_reach)
+
+
+def _reach(arguments: argparse.Namespace) -> int:
+    from sandra.actions import ActionPair
+    from sandra.evaluation.reach_bench import bench_reach
+    from sandra.scenarios import examples
+
+    if arguments.runs < 1:
+        raise SettingsError(f"--runs {arguments.runs}: at least one run is needed")
+    if not arguments.tolerance >= 1.0:
+        raise SettingsError(f"--tolerance {arguments.tolerance}: a factor is at least 1")
+    report = bench_reach(
+        [path_of(name) for name in arguments.scenarios] or list(examples().values()),
+        horizons=_horizons(arguments.horizons),
+        python=None if arguments.no_peer else Path(arguments.peer),
+        pair=ActionPair.parse(arguments.pair),
+        runs=arguments.runs,
+        tolerance=arguments.tolerance,
+        progress=progress,
+    )
+    progress("")
+    if arguments.json:
+        print_json(report.to_dict())
+    else:
+        print(report)
+    return 0
+
+
+def _horizons(text: str) -> list[int]:
+    words = text.split(",")
+    if not all(word.strip().isdecimal() and int(word) >= 1 for word in words):
+        raise SettingsError(f"--horizons {text}: write numbers of steps, such as 15,25,50")
+    return [int(word) for word in words]
 
 
 def _tell(scenario: str, runs: int, run: int) -> None:

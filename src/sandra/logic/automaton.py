@@ -64,6 +64,10 @@ class Dfa:
     accepting: frozenset[int]
     edges: tuple[tuple[Edge, ...], ...]
 
+    def __hash__(self) -> int:
+        """Without the edges, of which there are many."""
+        return hash((self.atoms, self.n_states, self.initial, self.accepting))
+
     def bits(self, letter: Letter) -> int:
         """A letter as bits over `atoms`. Raises `KeyError` if a mapping lacks one of them."""
         if isinstance(letter, int):

@@ -12,6 +12,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 from sandra.actions import ActionPair
 from sandra.errors import FormulaError
@@ -89,9 +90,33 @@ def specification(
     Raises:
         FormulaError: if a rule is unknown, or a formula cannot be parsed or is too large.
     """
-    words = vocabulary or Vocabulary.default()
     if isinstance(rules, str):
         raise TypeError("rules must be a sequence of texts: use parse_rules")
+    if vocabulary is None:
+        return _packaged(pair, tuple(rules), settings, dt, justified)
+    return _specification(pair, tuple(rules), settings, vocabulary, dt, justified)
+
+
+@lru_cache(maxsize=1024)
+def _packaged(
+    pair: ActionPair,
+    rules: tuple[str, ...],
+    settings: Settings,
+    dt: float | None,
+    justified: bool,
+) -> Specification:
+    """`_specification` in the packaged vocabulary, which never changes."""
+    return _specification(pair, rules, settings, Vocabulary.default(), dt, justified)
+
+
+def _specification(
+    pair: ActionPair,
+    rules: tuple[str, ...],
+    settings: Settings,
+    words: Vocabulary,
+    dt: float | None,
+    justified: bool,
+) -> Specification:
     actions = [pair.longitudinal.value, pair.lateral.value]
     named = [(name, words.actions[name]) for name in actions] + [_rule(r, words) for r in rules]
     parts = []

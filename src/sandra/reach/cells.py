@@ -10,6 +10,9 @@ from sandra.scene.types import Scene
 
 Array = NDArray[np.float64]
 
+SLACK_STEP = 1.5
+"""Cells whose extents differ by no more than this factor count as equally large."""
+
 
 def grid(scene: Scene, s: Array, d: Array) -> Array:
     """(len(s), len(d), 2) Cartesian points of a grid in the lane frame."""
@@ -48,18 +51,32 @@ def bulge(scene: Scene, lattice: Lattice) -> Array:
     return result
 
 
-def off_road(scene: Scene, lattice: Lattice) -> Mask:
-    """Cells in which the inscribed disc crosses the border of the road, wherever its centre is."""
+def off_road(scene: Scene, lattice: Lattice, corners: Array, bulges: Array) -> Mask:
+    """Cells in which the inscribed disc crosses the border of the road, wherever its centre is.
+
+    Args:
+        corners: (columns + 1, rows + 1, 2) of the cells in the plane [m].
+        bulges: (columns,) see `bulge` [m].
+    """
     import shapely
 
     polygons = [lanelet.area() for lanelet in scene.lanelets]
     # Neighbouring lanelets may leave slits between them that are no border.
     road = shapely.union_all(polygons).buffer(0.1).buffer(-0.1)
-    s, d = lattice.centers()
-    centers = grid(scene, s, d)
-    # Half a cell's diagonal, stretched by curvature, goes to the ego: only sure crossings count.
-    stretch = 1.0 + float(np.abs(scene.frame.curvature(s)).max()) * float(np.abs(d).max())
-    slack = np.hypot(lattice.ds * stretch, lattice.dd) / 2
-    eroded = road.buffer(float(slack) - scene.ego.width / 2)
-    shapely.prepare(eroded)
-    return np.asarray(~shapely.contains_xy(eroded, centers[..., 0], centers[..., 1]))
+    centers = grid(scene, *lattice.centers())
+    away = [
+        np.hypot(*np.moveaxis(corners[i : i - 1 or None, j : j - 1 or None] - centers, -1, 0))
+        for i in (0, 1)
+        for j in (0, 1)
+    ]
+    # From the cell's centre to the ego's: only sure crossings count.
+    slack = np.maximum.reduce(away) + bulges[:, None]
+    beyond = np.zeros(slack.shape, dtype=np.bool_)
+    left = np.ones(slack.shape, dtype=np.bool_)
+    while left.any():
+        here = left & (slack <= SLACK_STEP * slack[left].min())
+        left &= ~here
+        eroded = road.buffer(float(slack[here].max()) - scene.ego.width / 2)
+        shapely.prepare(eroded)
+        beyond[here] = ~shapely.contains_xy(eroded, centers[here, 0], centers[here, 1])
+    return beyond

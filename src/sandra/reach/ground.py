@@ -6,19 +6,21 @@ the disc inscribed in the ego's body, which lies within the body whatever its he
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import hypot, isclose
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sandra.errors import SettingsError
+from sandra.logic import Atom
 from sandra.prediction.types import Prediction
 from sandra.reach.bands import Band, Leader, Limit, band, leaders, limits
 from sandra.reach.cells import bulge, grid, off_road
 from sandra.reach.initial import initial_set, lattice_of
 from sandra.reach.lattice import Lattice, Mask
 from sandra.reach.polygon import Polygon
+from sandra.reach.problem import Answer
 from sandra.reach.windows import Window, union, windows
 from sandra.scene.types import Scene
 from sandra.settings import Settings
@@ -49,6 +51,8 @@ class Ground:
     """For each band and each step, the vehicles in it."""
     limits: tuple[Limit, ...]
     """Signed speed limits along s."""
+    answers: dict[Atom, Answer] = field(default_factory=dict, init=False, repr=False)
+    """What `answers_of` has found for each atom: always the same, so found once."""
 
     @property
     def horizon(self) -> int:
@@ -85,10 +89,9 @@ def ground(scene: Scene, prediction: Prediction, settings: Settings) -> Ground:
     lon, lat = initial_set(scene, settings)
     lattice = lattice_of(scene, prediction.horizon, lon, lat, settings)
     s_lines, d_lines = lattice.corners()
-    beyond_road = off_road(scene, lattice)
-    occupied = windows(
-        prediction, grid(scene, s_lines, d_lines), scene.ego.width / 2 - bulge(scene, lattice)
-    )
+    corners, bulges = grid(scene, s_lines, d_lines), bulge(scene, lattice)
+    beyond_road = off_road(scene, lattice, corners, bulges)
+    occupied = windows(prediction, corners, scene.ego.width / 2 - bulges)
     samples = np.linspace(0.0, 1.0, 5)
     kappa = scene.frame.curvature((s_lines[:-1, None] + lattice.ds * samples).ravel())
     kappa = kappa.reshape(lattice.columns, samples.size)

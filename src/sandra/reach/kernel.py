@@ -15,14 +15,15 @@ outwards, and a hull contains its parts.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from sandra.reach.lattice import Box, Mask, boxes
 from sandra.reach.moves import UNBOUNDED, Interval, Move
-from sandra.reach.polygon import Polygon, cut, cut_x, cut_y, hull, propagate, range_x
-from sandra.reach.problem import Problem, Region
+from sandra.reach.polygon import Polygon, cut, cut_x, cut_y, joined, propagate, range_x
+from sandra.reach.problem import Problem, Region, alike
 from sandra.reach.sets import BaseSet, ReachableSet
 
 COVER_TOLERANCE = 2
@@ -42,20 +43,44 @@ class _Candidate:
 
 def reachable_set(problem: Problem) -> ReachableSet:
     """Compute the set from step 0 until it is empty or the horizon is reached."""
+    return reachable_sets([problem])[0]
+
+
+def reachable_sets(problems: Sequence[Problem]) -> list[ReachableSet]:
+    """The set of each problem; what differs in the last letter alone shares all steps before."""
+    found: dict[int, ReachableSet] = {}
+    for group in alike(problems):
+        sets = _computed([problems[i] for i in group])
+        found.update(zip(group, sets, strict=True))
+    return [found[i] for i in range(len(problems))]
+
+
+def _computed(problems: list[Problem]) -> list[ReachableSet]:
+    """The sets of problems that are alike until the last letter is read."""
+    problem = problems[0]
     lon, lat = cut_y(problem.lon, *problem.v_lon), cut_y(problem.lat, *problem.v_lat)
-    start = [_Candidate(lon, lat, problem.moves.initial, UNBOUNDED, ())] if lon and lat else []
+    parts = [_Candidate(lon, lat, problem.moves.initial, UNBOUNDED, ())] if lon and lat else []
     contested: Mask = np.zeros_like(problem.forbidden[0])
     steps: list[tuple[BaseSet, ...]] = []
-    candidates = _covered(problem, start, 0, contested)
-    for k in range(problem.horizon + 1):
-        if k > 0:
-            contested[:] = False
-            candidates = _covered(problem, _propagated(problem, steps[-1], k), k, contested)
+
+    def emptied() -> ReachableSet:
+        return ReachableSet(tuple(steps), problem.horizon, problem.lattice, contested)
+
+    for k in range(problem.horizon):
+        candidates = _covered(problem, parts, k, contested)
         sets = tuple(b for candidate in candidates for b in _read(problem, candidate, k))
         if not sets:
-            return ReachableSet(tuple(steps), problem.horizon, problem.lattice, contested)
+            return [emptied() for _ in problems]
         steps.append(sets)
-    return ReachableSet(tuple(steps), problem.horizon, problem.lattice)
+        parts = _propagated(problem, sets, k + 1)
+        contested[:] = False
+    candidates = _covered(problem, parts, problem.horizon, contested)
+    found = []
+    for each in problems:
+        last = tuple(b for c in candidates for b in _read(each, c, problem.horizon))
+        whole = ReachableSet((*steps, last), problem.horizon, problem.lattice)
+        found.append(whole if last else emptied())
+    return found
 
 
 def _propagated(problem: Problem, sets: tuple[BaseSet, ...], k: int) -> list[_Candidate]:
@@ -121,9 +146,7 @@ def _joined(
         return None
     if len(lons) == 1:
         return lons[0], lats[0], tuple(parents)
-    lon = hull([p for polygon in lons for p in polygon])
-    lat = hull([p for polygon in lats for p in polygon])
-    return lon, lat, tuple(sorted(set(parents)))
+    return joined(lons), joined(lats), tuple(sorted(set(parents)))
 
 
 def _read(problem: Problem, candidate: _Candidate, k: int) -> list[BaseSet]:
@@ -148,11 +171,11 @@ def _where(
 ) -> list[tuple[Polygon, Polygon]]:
     """The parts of a candidate in which all literals of a move may hold."""
     parts = [(candidate.lon, candidate.lat)]
-    for literal in move.literals:
+    for atom, truth in move.literals:
         parts = [
             cell
             for lon, lat in parts
-            for cell in _restricted(lon, lat, problem.regions(literal, k, lon, lat))
+            for cell in _restricted(lon, lat, problem.answers[atom](truth, k, lon, lat))
         ]
     return parts
 

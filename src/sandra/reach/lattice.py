@@ -6,8 +6,10 @@ Masks are boolean arrays of shape (columns along s, rows along d).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil, floor
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +17,23 @@ from numpy.typing import NDArray
 Mask = NDArray[np.bool_]
 Box = tuple[int, int, int, int]
 """Cells i0 <= i < i1 along s and j0 <= j < j1 along d."""
+
+
+class Copied:
+    """Something that never changes, with which the native kernel keeps its copy of it."""
+
+    def __getstate__(self) -> dict[str, Any]:
+        """All but that copy, which does not go to other processes."""
+        return {name: value for name, value in self.__dict__.items() if name != "_native"}
+
+
+class Masks(Copied, tuple[Mask, ...]):
+    """One mask per step."""
+
+
+def packed(masks: Sequence[Mask]) -> NDArray[np.uint8]:
+    """(steps, rows, ceil(columns / 8)) bits: bit i % 8 of byte i // 8 is column i."""
+    return np.packbits(np.stack([mask.T for mask in masks]), axis=2, bitorder="little")
 
 
 @dataclass(frozen=True, slots=True)

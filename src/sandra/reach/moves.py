@@ -15,6 +15,7 @@ from itertools import pairwise
 from math import inf
 
 from sandra.logic import Comparison, Dfa, Edge
+from sandra.reach.lattice import Copied
 
 Literal = tuple[int, bool]
 """Index of an atom, and the truth asked of it."""
@@ -31,8 +32,8 @@ class Move:
     inputs: Interval
 
 
-@dataclass(frozen=True, slots=True)
-class Moves:
+@dataclass(frozen=True)
+class Moves(Copied):
     """What can be read before the last step (`moves`), and at it (`final`), per class.
 
     `live[n]` are the classes from which acceptance is possible when n letters remain to be read,

@@ -14,7 +14,10 @@ Polygon = list[Point]
 EPS = 1e-9
 """Outward tolerance of a cut [m or m/s]; far above rounding errors, far below any vehicle."""
 
-MAX_CORNERS = 16
+PARALLEL = 1e-12
+"""Corners whose distances to the side differ by no more lie on one line [m^2/s]."""
+
+MAX_CORNERS = 20
 """Above this number of corners, edges are dropped outwards."""
 
 
@@ -28,9 +31,24 @@ def hull(points: list[Point]) -> Polygon:
     return lower[:-1] + upper[:-1]
 
 
+def joined(polygons: list[Polygon]) -> Polygon:
+    """The convex hull of convex polygons, from their lower and their upper chains apart."""
+    lower: list[Point] = []
+    upper: list[Point] = []
+    for polygon in polygons:
+        first, last = polygon.index(min(polygon)), polygon.index(max(polygon))
+        lower += _run(polygon, first, last)
+        upper += _run(polygon, last, first)
+    below, above = _chain(sorted(lower)), _chain(sorted(upper, reverse=True))
+    return below[:-1] + above[:-1] or below
+
+
 def _chain(points: list[Point]) -> Polygon:
+    """The points, which are sorted, at which it turns left."""
     chain: Polygon = []
     for x, y in points:
+        if chain and chain[-1] == (x, y):
+            continue
         while len(chain) > 1:
             (ax, ay), (bx, by) = chain[-2], chain[-1]
             if (bx - ax) * (y - ay) - (by - ay) * (x - ax) > 0.0:
@@ -91,17 +109,47 @@ def propagate(polygon: Polygon, low: float, high: float, dt: float) -> Polygon:
     Söntges & Althoff 2018, Sec. III.
     """
     x0, v0 = low * dt * dt / 2, low * dt
-    span = (high - low) * dt
+    half = (high - low) * dt / 2
     moved = [(x + v * dt + x0, v + v0) for x, v in polygon]
-    half = span / 2
-    steps = ((0.0, 0.0), (half * dt, half), (half * dt, span), (0.0, half))
-    return limit_corners(hull([(x + p, v + q) for x, v in moved for p, q in steps]))
+    return limit_corners(swept(swept(moved, half * dt, half), 0.0, half))
+
+
+def swept(polygon: Polygon, x: float, y: float) -> Polygon:
+    """The Minkowski sum of a polygon and the segment from the origin to (x, y).
+
+    Between its two corners farthest to the sides one chain of edges stays, the other moves along;
+    an edge that lies along the way is one corner farther, not parted.
+    """
+    sides = [y * p - x * q for p, q in polygon]
+    right, left = sides.index(max(sides)), sides.index(min(sides))
+    if len(polygon) < 3 or sides[right] - sides[left] <= 2 * PARALLEL:
+        return hull([*polygon, *((p + x, q + y) for p, q in polygon)])
+    on_right, on_left = _alike(sides, right), _alike(sides, left)
+    stay = _run(polygon, on_left[1], on_right[0])
+    move = _run(polygon, on_right[1], on_left[0])
+    return stay + [(p + x, q + y) for p, q in move]
+
+
+def _alike(values: list[float], at: int) -> tuple[int, int]:
+    """First and last of the neighbours in the ring whose values are that of `at`."""
+    first = last = at
+    while abs(values[first - 1] - values[at]) <= PARALLEL:
+        first = (first or len(values)) - 1
+    while abs(values[(last + 1) % len(values)] - values[at]) <= PARALLEL:
+        last = (last + 1) % len(values)
+    return first, last
+
+
+def _run(ring: Polygon, first: int, last: int) -> Polygon:
+    """From one index to another, once around the end if need be."""
+    return ring[first : last + 1] if first <= last else ring[first:] + ring[: last + 1]
 
 
 def limit_corners(polygon: Polygon) -> Polygon:
     """At most `MAX_CORNERS` corners; an edge is dropped by extending its two neighbours outwards.
 
-    The edge whose removal adds the least area goes first.
+    The edge whose removal adds the least area goes first; none whose removal would widen the range
+    of x, the position.
     """
     while len(polygon) > MAX_CORNERS:
         best, at, corner = inf, -1, (0.0, 0.0)
@@ -133,6 +181,8 @@ def _extension(p: Point, q: Point, r: Point, t: Point) -> tuple[float, Point]:
     if lam < 0.0:
         return inf, q
     x, y = q[0] + lam * ux, q[1] + lam * uy
+    if not min(q[0], r[0]) <= x <= max(q[0], r[0]):
+        return inf, q
     area = abs((r[0] - q[0]) * (y - q[1]) - (r[1] - q[1]) * (x - q[0])) / 2
     return area, (x, y)
 

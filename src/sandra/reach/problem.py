@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
 
 from sandra.reach.lattice import Lattice, Mask
-from sandra.reach.moves import Interval, Literal, Moves
+from sandra.reach.moves import Interval, Moves
 from sandra.reach.polygon import Polygon
 
 
@@ -28,9 +28,9 @@ Union = tuple[Piece, ...]
 Region = tuple[Union, ...]
 """An intersection of unions; no unions at all: everywhere."""
 
-Regions = Callable[[Literal, int, Polygon, Polygon], Region]
-"""(literal, step, (s, v_s) polygon, (d, v_d) polygon) -> where, within these polygons, the literal
-may hold. Over-approximates: a state outside it makes the literal false for sure."""
+Answer = Callable[[bool, int, Polygon, Polygon], Region]
+"""(truth, step, (s, v_s) polygon, (d, v_d) polygon) -> where, within these polygons, an atom may
+have that truth. Over-approximates: a state outside of it has the other truth for sure."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,6 +39,7 @@ class Problem:
 
     `lon` (s, v_s) and `lat` (d, v_d) are the initial polygons [m, m/s]. `forbidden[k]` marks
     cells in which the body collides for sure at step k, wherever in the cell its centre is.
+    `answers[i]` tells where atom i, of which the moves' literals speak, may hold.
     """
 
     dt: float
@@ -51,4 +52,25 @@ class Problem:
     lattice: Lattice
     forbidden: tuple[Mask, ...]
     moves: Moves
-    regions: Regions
+    answers: tuple[Answer, ...]
+
+    def until_the_last_letter(self) -> Hashable:
+        """All that decides the steps before the last one."""
+        rows = tuple(
+            tuple(
+                (m.target, m.inputs, tuple((id(self.answers[i]), truth) for i, truth in m.literals))
+                for m in row
+            )
+            for row in self.moves.moves
+        )
+        bounds = self.dt, self.horizon, self.a_lat, self.v_lon, self.v_lat
+        start = tuple(self.lon), tuple(self.lat), self.moves.initial
+        return rows, self.moves.live, bounds, start, self.lattice, id(self.forbidden)
+
+
+def alike(problems: Sequence[Problem]) -> list[list[int]]:
+    """Indices of problems, together where they differ in nothing but the last letter."""
+    groups: dict[Hashable, list[int]] = {}
+    for i, problem in enumerate(problems):
+        groups.setdefault(problem.until_the_last_letter(), []).append(i)
+    return list(groups.values())

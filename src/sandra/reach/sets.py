@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -49,7 +50,7 @@ class ReachableSet:
     step, before forbidden cells and labels were cut away.
     """
 
-    steps: tuple[tuple[BaseSet, ...], ...]
+    steps: Sequence[tuple[BaseSet, ...]]
     horizon: int
     lattice: Lattice
     contested: Mask | None = None
@@ -57,8 +58,8 @@ class ReachableSet:
     @property
     def first_empty_step(self) -> int | None:
         """The first step without any base set; None if there are some through the horizon."""
-        empty = (k for k, step in enumerate(self.steps) if not step)
-        first = next(empty, len(self.steps))
+        sizes = getattr(self.steps, "sizes", None) or [len(step) for step in self.steps]
+        first = next((k for k, size in enumerate(sizes) if not size), len(sizes))
         return None if first > self.horizon else first
 
     def contains(self, k: int, s: float, v_s: float, d: float, v_d: float) -> bool:
@@ -93,7 +94,7 @@ class ReachableSet:
 
 
 def _renumbered(
-    steps: tuple[tuple[BaseSet, ...], ...], kept: list[tuple[BaseSet, ...]]
+    steps: Sequence[tuple[BaseSet, ...]], kept: list[tuple[BaseSet, ...]]
 ) -> tuple[tuple[BaseSet, ...], ...]:
     found: list[tuple[BaseSet, ...]] = []
     place: dict[int, int] = {}

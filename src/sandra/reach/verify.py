@@ -14,12 +14,12 @@ from sandra.logic import Specification, Vocabulary, specification
 from sandra.prediction import PredictionSource, predict
 from sandra.reach.explain import explain
 from sandra.reach.ground import Ground, ground
-from sandra.reach.kernel import reachable_set
 from sandra.reach.lattice import Mask
 from sandra.reach.moves import moves_of
 from sandra.reach.problem import Problem
-from sandra.reach.regions import regions_of
+from sandra.reach.regions import answers_of
 from sandra.reach.sets import ReachableSet
+from sandra.reach.twin import reachable_set, reachable_sets
 from sandra.reach.verdict import Status, Verdict, Verdicts
 from sandra.scene.types import Scene
 from sandra.settings import Settings
@@ -65,12 +65,26 @@ def verify_on(
     vocabulary: Vocabulary | None = None,
     reasons: bool = True,
 ) -> Verdicts:
-    """Verify pairs on a ground that is already there; see `verify`."""
-    return Verdicts(
-        tuple(verify_pair(base, pair, rules, vocabulary, reasons) for pair in pairs),
-        base,
-        tuple(rules),
-    )
+    """Verify pairs on a ground that is already there; see `verify`.
+
+    Pairs that differ only in what they ask at the last step share the steps before it: each
+    verdict's `duration_s` is its share of them, without the search for reasons.
+    """
+    found: list[Verdict] = []
+    begin = time.perf_counter()
+    specs = [
+        specification(pair, rules, settings=base.settings, vocabulary=vocabulary, dt=base.scene.dt)
+        for pair in pairs
+    ]
+    sets = reachable_sets([problem_of(base, spec) for spec in specs])
+    duration = (time.perf_counter() - begin) / max(1, len(specs))
+    for spec, reachable in zip(specs, sets, strict=True):
+        status, reason = Status.REACHABLE, None
+        if reachable.first_empty_step is not None:
+            status = Status.UNSAFE
+            reason = explain(base, spec, reachable, compute) if reasons else None
+        found.append(Verdict(spec.pair, status, spec, reachable, reason, duration))
+    return Verdicts(tuple(found), base, tuple(rules))
 
 
 def verify_pair(
@@ -80,37 +94,33 @@ def verify_pair(
     vocabulary: Vocabulary | None = None,
     reasons: bool = True,
 ) -> Verdict:
-    """The verdict of one pair; `duration_s` is that of the set, without the search for reasons."""
-    begin = time.perf_counter()
-    spec = specification(
-        pair, rules, settings=base.settings, vocabulary=vocabulary, dt=base.scene.dt
-    )
-    found = compute(base, spec)
-    duration = time.perf_counter() - begin
-    if found.first_empty_step is None:
-        return Verdict(pair, Status.REACHABLE, spec, found, None, duration)
-    reason = explain(base, spec, found, compute) if reasons else None
-    return Verdict(pair, Status.UNSAFE, spec, found, reason, duration)
+    """The verdict of one pair."""
+    return verify_on(base, (pair,), rules, vocabulary=vocabulary, reasons=reasons)[0]
 
 
 def compute(
     base: Ground, spec: Specification, forbidden: tuple[Mask, ...] | None = None
 ) -> ReachableSet:
     """The reachable set of a specification; `forbidden` replaces the ground's own cells."""
+    return reachable_set(problem_of(base, spec, forbidden))
+
+
+def problem_of(
+    base: Ground, spec: Specification, forbidden: tuple[Mask, ...] | None = None
+) -> Problem:
+    """What the kernel is given for a specification; see `compute`."""
     settings = base.settings
     inputs = (settings.a_lon_min, settings.a_lon_max)
-    return reachable_set(
-        Problem(
-            dt=base.scene.dt,
-            horizon=base.horizon,
-            lon=base.lon,
-            lat=base.lat,
-            a_lat=(-settings.a_lat_max, settings.a_lat_max),
-            v_lon=(0.0, settings.v_max),
-            v_lat=(-settings.v_lat_max, settings.v_lat_max),
-            lattice=base.lattice,
-            forbidden=base.forbidden if forbidden is None else forbidden,
-            moves=moves_of(spec.dfa, inputs, base.horizon),
-            regions=regions_of(base, spec.dfa.atoms),
-        )
+    return Problem(
+        dt=base.scene.dt,
+        horizon=base.horizon,
+        lon=base.lon,
+        lat=base.lat,
+        a_lat=(-settings.a_lat_max, settings.a_lat_max),
+        v_lon=(0.0, settings.v_max),
+        v_lat=(-settings.v_lat_max, settings.v_lat_max),
+        lattice=base.lattice,
+        forbidden=base.forbidden if forbidden is None else forbidden,
+        moves=moves_of(spec.dfa, inputs, base.horizon),
+        answers=answers_of(base, spec.dfa.atoms),
     )

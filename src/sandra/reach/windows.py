@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from sandra.prediction.geometry import stack
 from sandra.prediction.types import Prediction
-from sandra.reach.lattice import Mask
+from sandra.reach.lattice import Mask, Masks
 from sandra.scene.types import Region
 
 Array = NDArray[np.float64]
@@ -57,16 +57,17 @@ def windows(prediction: Prediction, corners: Array, reach: Array) -> tuple[Windo
     return tuple(tuple(map(tuple, steps)) for steps in found)
 
 
-def union(off_road: Mask, occupied: Sequence[Windows], horizon: int) -> tuple[Mask, ...]:
+def union(off_road: Mask, occupied: Sequence[Windows], horizon: int) -> Masks:
     """All forbidden cells of each step 0..horizon, read-only."""
-    masks = [off_road.copy() for _ in range(horizon + 1)]
+    # Rows of cells along s lie together in memory, which is how they are packed.
+    masks = [np.array(off_road, order="F") for _ in range(horizon + 1)]
     for steps in occupied:
         for mask, step in zip(masks, steps, strict=True):
             for i0, i1, j0, j1, cells in step:
                 mask[i0:i1, j0:j1] |= cells
     for mask in masks:
         mask.setflags(write=False)
-    return tuple(masks)
+    return Masks(masks)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

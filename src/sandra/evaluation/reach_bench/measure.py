@@ -1,0 +1,178 @@
+"""Check, then time: our set and the peer's in alternation, in two processes of one thread each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+from sandra.actions import ActionPair
+from sandra.evaluation.reach_bench import checks as check
+from sandra.evaluation.reach_bench.hand_over import beyond_the_road, forbidden_boxes, problem_of
+from sandra.evaluation.reach_bench.ours import OurTimes, free_set, prepare, time_ours
+from sandra.evaluation.reach_bench.peer import Peer, PeerError
+from sandra.evaluation.reach_bench.rows import Checks, Ours, Peers, Report, Row
+from sandra.reach import Ground, ReachableSet
+from sandra.scene import load
+from sandra.scene.types import Scene
+from sandra.settings import Settings
+
+HORIZONS = (15, 25, 50)
+SETTINGS = Settings(a_lon_min=-5.9999, a_lon_max=5.9999, s_uncertainty=0.01, v_uncertainty=0.01)
+"""The bounds of the paper, but for a hair: at +-6 m/s^2 the peer's half-space cut is wrong. Its
+initial sets cannot be points, so both have its default uncertainty."""
+GRID, SPLIT = 0.2, 0.7
+"""The peer's default resolution: its grid, and the size below which it drops what collides [m]."""
+TOLERANCE = 1.25
+"""Largest factor between the two areas of any step, at matched resolution."""
+
+
+def bench_reach(
+    scenarios: Sequence[Path],
+    *,
+    horizons: Sequence[int] = HORIZONS,
+    python: Path | None,
+    pair: ActionPair,
+    runs: int = 10,
+    tolerance: float = TOLERANCE,
+    progress: Callable[[str], None] = lambda text: None,
+) -> Report:
+    """Measure each scenario at each horizon.
+
+    Args:
+        python: the interpreter of the peer's environment; None: time ours alone.
+        pair: the one that is timed alone, with its formula.
+        runs: counted runs of each; one more before them is not counted.
+        tolerance: largest factor between the two areas at matched resolution.
+        progress: called with what is being done.
+
+    Raises:
+        SandraError: if a scenario cannot be read, or the peer cannot be started.
+    """
+    rows: list[Row] = []
+    peer = Peer(python) if python else None
+    versions = peer.versions if peer else {}
+    try:
+        for path in scenarios:
+            for horizon in horizons:
+                settings = SETTINGS.replace(horizon=horizon)
+                scene = load(path, settings=settings)
+                tell = partial(_tell, progress, f"{scene.name}, h = {horizon}")
+                rows.append(_row(scene, settings, pair, runs, peer, tolerance, tell))
+                if peer is not None and not peer.alive:
+                    assert python is not None
+                    peer.close()
+                    peer = Peer(python)
+    finally:
+        if peer is not None:
+            peer.close()
+    return Report(tuple(rows), versions)
+
+
+def _tell(progress: Callable[[str], None], where: str, text: str) -> None:
+    progress(f"{where}: {text}")
+
+
+def _row(
+    scene: Scene,
+    settings: Settings,
+    pair: ActionPair,
+    runs: int,
+    peer: Peer | None,
+    tolerance: float,
+    progress: Callable[[str], None],
+) -> Row:
+    base = prepare(scene, settings)
+    found = free_set(base)
+    refused, checks = None, None
+    frame = 0.0
+    if peer is not None:
+        progress("checks")
+        try:
+            frame, checks = _checked(base, found, peer, tolerance)
+        except (PeerError, check.NotTheSame) as error:
+            refused, peer = str(error), None
+    times: list[OurTimes] = []
+    theirs: list[dict[str, float]] = []
+    for run in range(runs + 1):
+        progress(f"run {run} of {runs}" if run else "warming up")
+        times.append(time_ours(scene, pair, settings))
+        if peer is not None:
+            prepared = peer.ask(_prepare(base))
+            theirs.append({**prepared, **peer.ask({"do": "compute"})})
+    ours = Ours(
+        predict=median(run.predict for run in times[1:]),
+        ground=median(run.ground for run in times[1:]),
+        free=median(run.free for run in times[1:]),
+        pair=median(run.pair for run in times[1:]),
+        every=median(run.every for run in times[1:]),
+        areas=_areas(found),
+        sets=sum(len(step) for step in found.steps),
+    )
+    peers = None
+    if peer is not None:
+        steps = peer.ask({"do": "sets"})["steps"]
+        peers = Peers(
+            frame,
+            median(run["prepare_s"] for run in theirs[1:]),
+            median(run["compute_s"] for run in theirs[1:]),
+            tuple(step["area"] for step in steps),
+            sum(step["sets"] for step in steps),
+        )
+    return Row(
+        scene.name,
+        base.horizon,
+        scene.dt,
+        len(base.prediction.obstacles),
+        str(pair),
+        runs,
+        ours,
+        peers,
+        checks,
+        refused,
+    )
+
+
+def _prepare(base: Ground) -> dict[str, Any]:
+    return {"do": "prepare", "grid": GRID, "split": SPLIT, "beyond": beyond_the_road(base)}
+
+
+def _checked(
+    base: Ground, found: ReachableSet, peer: Peer, tolerance: float
+) -> tuple[float, Checks]:
+    """Hand the problem over and compare: the time of the peer's frame [s], and what was found."""
+    if found.first_empty_step == 0:
+        raise check.NotTheSame("our set is empty from the start")
+    frame: float = peer.ask(problem_of(base))["frame_s"]
+    corners = check.corners_of(found)
+    points = base.scene.frame.to_cartesian(corners).tolist()
+    apart = check.check_frame(base, corners, peer.ask({"do": "locate", "points": points})["points"])
+    peer.ask(_prepare(base))
+    share = check.check_obstacles(peer.ask(check.forbidden_points(base))["collides"])
+    peer.ask({"do": "compute"})
+    check.check_bounds(base, peer.ask({"do": "sets"})["steps"])
+
+    cell_s, cell_d = base.settings.cell_s, base.settings.cell_d
+    peer.ask(
+        {
+            "do": "forbid",
+            "grid": min(cell_s, cell_d),
+            "split": min(cell_s, cell_d),
+            "boxes": forbidden_boxes(base),
+            "beyond": beyond_the_road(base),
+        }
+    )
+    peer.ask({"do": "compute"})
+    steps = peer.ask({"do": "sets"})["steps"]
+    check.check_bounds(base, steps)
+    matched = tuple(step["area"] for step in steps)
+    areas = check.check_areas(_areas(found), matched, tolerance)
+    finer = base.settings.replace(cell_s=cell_s / 2, cell_d=cell_d / 2)
+    fine = check.Areas.of(_areas(free_set(prepare(base.scene, finer))), matched)
+    return frame, Checks(apart, share, matched, areas.largest, areas.smallest, fine.largest)
+
+
+def _areas(found: ReachableSet) -> tuple[float, ...]:
+    return tuple(found.area(k) for k in range(found.horizon + 1))
