@@ -12,6 +12,7 @@ from sandra.planning.fail_safe_candidates import Task, lateral_paths
 from sandra.planning.optimised_profiles import (
     MOST_WAYS,
     _ahead,
+    _may_rest,
     _Node,
     _stops,
     _widest,
@@ -123,3 +124,19 @@ def test_the_bound_on_the_speed_is_a_line_below_it() -> None:
         assert m < 0.0
     level = replace(at, fastest=np.full(len(at.distance), 7.0))
     assert level.speed_bound(10.0, 20.0) == (7.0, 0.0)
+
+
+def test_a_place_whose_beginning_alone_is_reached_is_none() -> None:
+    """Standstills from 0 to 5 m."""
+    last = [(0.0, 0.0), (5.0, 0.0)]
+    assert not _may_rest(last, (5.0, 9.0))
+    assert _may_rest(last, (float(np.nextafter(5.0, 0.0)), 9.0))
+    assert not _may_rest(last, (7.0, 9.0))
+    assert not _may_rest([], (0.0, 9.0))
+
+
+def test_what_ends_a_stretch_within_two_metres_of_the_end_is_the_end() -> None:
+    across = Region.rectangle(2.0, 3.0).placed(20.0, 0.0, 0.0)
+    at = replace(track(dict.fromkeys(range(HORIZON), across)), length=20.0)
+    assert at.in_the_way(0, 18.0) == "leaves the road"
+    assert at.in_the_way(0, float(np.nextafter(18.0, 0.0))) == "may meet obstacle 7 0.00 s from now"

@@ -24,6 +24,10 @@ Array = NDArray[np.float64]
 
 SPACING = 0.25
 """Distance of the points of a path [m]."""
+MOST_TURNED = 1.2
+"""Who heads further away from the lane's direction drives across it, or against it [rad]."""
+FLATTEST = 0.1
+"""The search for a foot point ends where its derivative is no more: the normals nearly meet."""
 NARROWEST = 0.2
 """Paths on which 1 - kappa d falls below this are left out: the lane's normals nearly meet."""
 
@@ -100,7 +104,7 @@ def guide(frame: Frame, state: Array, wheelbase: float, distance: float) -> Guid
     d = float((rear - points[0]) @ normal)
     relative = float((state[HEADING] - heading[0] + np.pi) % (2 * np.pi) - np.pi)
     along = rate[0] * (1.0 - curvature[0] * d)
-    if abs(relative) > 1.2 or 1.0 - curvature[0] * d < NARROWEST:
+    if abs(relative) > MOST_TURNED or 1.0 - curvature[0] * d < NARROWEST:
         return None
     slope = along * np.tan(relative)
     along_change = rate_change[0] * (1.0 - curvature[0] * d) - rate[0] * (
@@ -128,7 +132,7 @@ def _foot(curve: object, chord: Array, line: Array, point: Array) -> float:
         r, first, second = (curve(u, k) for k in range(3))  # type: ignore[operator]
         off = r - point
         slope = first @ first + off @ second
-        if slope <= 0.1:
+        if slope <= FLATTEST:
             break
         u = float(np.clip(u - (off @ first) / slope, chord[0], chord[-1]))
     return u
