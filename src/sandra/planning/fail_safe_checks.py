@@ -83,10 +83,11 @@ def mildest_that_holds(task: Task, candidates: Candidates, failures: Failures) -
     kept &= may_stand
     if shared.cut_in:
         late = beyond_legal_cut_in(task, candidates.states)
-        for i in np.flatnonzero(kept & (late > 0.0)).tolist():
+        in_time = late <= 0.0
+        for i in np.flatnonzero(kept & ~in_time).tolist():
             text = f"{_how(candidates, i)}stops {late[i]:.1f} m too late for who cuts in legally"
             failures.add(candidates.strategy[i], text, 1.5, -float(late[i]))
-        kept &= late <= 0.0
+        kept &= in_time
     lateral = np.abs(lateral_acceleration(candidates.states, ego.wheelbase))[:, :-1]
     peak = np.hypot(candidates.inputs[..., 0], lateral).max(axis=1)
     rows = np.flatnonzero(kept)

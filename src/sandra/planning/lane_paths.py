@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sandra.planning.bounds import within
 from sandra.planning.limits import slip
 from sandra.planning.single_track import HEADING, SPEED, STEERING, X, Y
 from sandra.scene.frame import Frame, smoothed
@@ -79,7 +80,7 @@ def guide(frame: Frame, state: Array, wheelbase: float, distance: float) -> Guid
     # Curvature noise in maps asks for steering rates that grow with the speed.
     step = float(np.clip(state[SPEED] / 8, 1.0, 3.0))
     ends = s - 10.0, s + distance + 10.0
-    inner = frame.stations[(frame.stations > ends[0]) & (frame.stations < ends[1])]
+    inner = frame.stations[within(frame.stations, *ends)]
     stations = np.concatenate([ends[:1], inner, ends[1:]])
     line = smoothed(
         frame.to_cartesian(np.column_stack([stations, np.zeros_like(stations)])),

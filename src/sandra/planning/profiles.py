@@ -59,7 +59,7 @@ def _levels(low: float, high: float) -> list[float]:
     """Accelerations between two bounds: both, the mildest, and some in between."""
     mild = min(max(0.0, low), high)
     inner = [low + (high - low) * share for share in (0.25, 0.5, 0.75)]
-    gentle = [x for x in (-2.0, -1.0, 1.0) if low < x < high]
+    gentle = [x for x in (-2.0, -1.0, 1.0) if within(x, low, high)]
     return sorted({round(x, 6) for x in (low, mild, high, *inner, *gentle)})
 
 

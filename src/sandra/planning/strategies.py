@@ -113,7 +113,7 @@ def edges(lane: Lane, s0: float, s1: float) -> tuple[float, float]:
         points = lane.frame.to_curvilinear(border)
         points = points[np.argsort(points[:, 0])]
         at_ends = np.interp([s0, s1], points[:, 0], points[:, 1])
-        inside = points[(points[:, 0] > s0) & (points[:, 0] < s1), 1]
+        inside = points[within(points[:, 0], s0, s1), 1]
         found.append(float(pick(np.concatenate([at_ends, inside]))))
     return found[0], found[1]
 
