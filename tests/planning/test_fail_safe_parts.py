@@ -198,3 +198,17 @@ def test_areas_that_the_body_just_touches_or_just_comes_to_are_left_alone() -> N
     assert not within_reach(10.0, 12.0)
     assert within_reach(float(np.nextafter(10.0, 0.0)), 12.0)
     assert within_reach(-5.0, 12.0)
+
+
+def test_why_there_is_no_path_at_all() -> None:
+    """Across the lane there is no line to follow; with the wheel turned far at speed no grip."""
+    scene = road(STRAIGHT, speed=12.0)
+    for column, value, words in (
+        (2, np.pi / 2, "the lane is too crooked, or not the ego's direction"),
+        (4, 0.3, "no path within the limits of steering and grip"),
+    ):
+        state = state_of(scene)
+        state[column] = value
+        found = fail_safe(scene, state, 0.0, by_hand(scene, {}, HORIZON), SETTINGS)
+        assert isinstance(found, Miss)
+        assert found.reasons[0] == f"{strategies.BRAKE}: {words}"

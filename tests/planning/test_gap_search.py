@@ -140,3 +140,17 @@ def test_what_ends_a_stretch_within_two_metres_of_the_end_is_the_end() -> None:
     at = replace(track(dict.fromkeys(range(HORIZON), across)), length=20.0)
     assert at.in_the_way(0, 18.0) == "leaves the road"
     assert at.in_the_way(0, float(np.nextafter(18.0, 0.0))) == "may meet obstacle 7 0.00 s from now"
+
+
+def test_stretches_of_the_part_that_is_asked_for_to_the_cell() -> None:
+    """The front, 2.25 m before the centre, keeps 5 cm from what stands at 20 to 30 m."""
+    at = track(dict.fromkeys(range(HORIZON), Region.rectangle(10.0, 3.0).placed(25.0, 0.0, 0.0)))
+    assert at.free(0, 0.0, 40.0) == [(0.0, 17.5), (32.5, 42.0)]
+    # Two metres more to both sides.
+    assert at.free(0, 40.0, 50.0) == [(38.0, 52.0)]
+
+
+def test_the_bound_on_the_speed_is_of_the_part_that_is_asked_for() -> None:
+    at = track({})
+    slow_before = replace(at, fastest=np.where(at.distance < 9.0, 1.0, 7.0))
+    assert slow_before.speed_bound(10.0, 20.0) == (7.0, 0.0)

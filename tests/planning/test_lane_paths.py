@@ -170,3 +170,10 @@ def test_the_search_for_the_foot_point_ends_where_it_is_too_flat(
     for flattest, foot in ((1.0, 2.0), (float(np.nextafter(1.0, 0.0)), 2.25)):
         monkeypatch.setattr(lane_paths, "FLATTEST", flattest)
         assert _foot(curve, chord, line, np.array([2.25, 3.0])) == foot
+
+
+def test_some_of_the_paths() -> None:
+    all_three = Paths(np.arange(6.0).reshape(3, 2), np.ones((3, 2)), np.array([True, False, True]))
+    some = all_three.only([2, 1])
+    assert some.way.tolist() == [[4.0, 5.0], [2.0, 3.0]]
+    assert some.valid.tolist() == [True, False]
