@@ -212,3 +212,10 @@ def test_why_there_is_no_path_at_all() -> None:
         found = fail_safe(scene, state, 0.0, by_hand(scene, {}, HORIZON), SETTINGS)
         assert isinstance(found, Miss)
         assert found.reasons[0] == f"{strategies.BRAKE}: {words}"
+
+
+def test_a_state_of_whole_numbers_is_one_of_floats() -> None:
+    scene = road(STRAIGHT, speed=0.0)
+    found = fail_safe(scene, np.zeros(5, int), 0.0, by_hand(scene, {}, HORIZON), SETTINGS)
+    assert isinstance(found, FailSafe)
+    assert found.trajectory.states.dtype == np.float64

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from corridors import Range, box
 from fail_safe_scenes import SETTINGS, STRAIGHT, by_hand, road, state_of
@@ -154,3 +155,14 @@ def test_the_bound_on_the_speed_is_of_the_part_that_is_asked_for() -> None:
     at = track({})
     slow_before = replace(at, fastest=np.where(at.distance < 9.0, 1.0, 7.0))
     assert slow_before.speed_bound(10.0, 20.0) == (7.0, 0.0)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize(("apart", "free"), [(0.051, True), (0.049, False)])
+def test_what_stands_beside_the_path_takes_it_from_5_cm_on(
+    side: float, apart: float, free: bool
+) -> None:
+    """The body is 1.8 m wide; the block 1 m, and 4 m long."""
+    beside = Region.rectangle(4.0, 1.0).placed(20.0, side * (0.9 + apart + 0.5), 0.0)
+    found = track(dict.fromkeys(range(HORIZON), beside)).free(0, 0.0, 40.0)
+    assert (len(found) == 1) == free

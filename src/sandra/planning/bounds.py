@@ -29,8 +29,11 @@ def within(values: Values, low: Values, high: Values, slack: Values = 0.0) -> Bo
 
 
 def overlap(low: Array, high: Array, other_low: Array, other_high: Array) -> Bools:
-    """Whether boxes have a point in common, by their lowest and highest corners (..., 2) [m]."""
-    return np.asarray(((low <= other_high) & (high >= other_low)).all(axis=-1))
+    """(R,) whether boxes, by their lowest and highest corners (R, 2), meet others [m].
+
+    The others: one for each, or one for all (2,). Boxes that touch meet.
+    """
+    return np.asarray(((low <= other_high) & (high >= other_low)).all(axis=1))
 
 
 def stands(speed: Values) -> Bools:
