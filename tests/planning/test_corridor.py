@@ -179,3 +179,11 @@ def test_standing_bodies_keep_the_lanes_heading() -> None:
     assert states is not None
     assert states[:, 2] == pytest.approx(0.0)
     assert states[-1, 1] > 0.0
+
+
+def test_so_many_base_sets_are_looked_at_and_no_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A chain of three takes three looks."""
+    where = corridor(base(**NOW), base(), base())
+    for most, found in ((3, 1), (2, 0)):
+        monkeypatch.setattr("sandra.planning.corridor.MOST_SETS", most)
+        assert len(list(_chains(scene(), where, SETTINGS))) == found

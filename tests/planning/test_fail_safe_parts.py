@@ -19,7 +19,7 @@ from sandra.errors import SettingsError
 from sandra.planning import strategies
 from sandra.planning.fail_safe_candidates import Task
 from sandra.planning.fail_safe_checks import Failures
-from sandra.planning.fail_safe_rounds import braking, evading, leaving, optimising
+from sandra.planning.fail_safe_rounds import _in_reach, braking, evading, leaving, optimising
 from sandra.planning.fail_safe_search import (
     FailSafe,
     Miss,
@@ -185,3 +185,37 @@ def test_speeds_are_optimised_on_paths_that_are_not_too_abrupt() -> None:
         attempts = optimising(task_of(road(STRAIGHT, speed=speed))).attempts
         assert {aim.length for each in attempts for aim in each.aims} == {length}
         assert {aim.strategy for each in attempts for aim in each.aims} == {strategies.OPTIMISE}
+
+
+def test_areas_that_the_body_just_touches_or_just_comes_to_are_left_alone() -> None:
+    """2 m of the body to the front and the rear, 8 m ahead."""
+
+    def within_reach(low: float, high: float) -> bool:
+        return _in_reach(np.array([low, high, low]), 2.0, 8.0)
+
+    assert not within_reach(-5.0, -2.0)
+    assert within_reach(-5.0, float(np.nextafter(-2.0, 0.0)))
+    assert not within_reach(10.0, 12.0)
+    assert within_reach(float(np.nextafter(10.0, 0.0)), 12.0)
+    assert within_reach(-5.0, 12.0)
+
+
+def test_why_there_is_no_path_at_all() -> None:
+    """Across the lane there is no line to follow; with the wheel turned far at speed no grip."""
+    scene = road(STRAIGHT, speed=12.0)
+    for column, value, words in (
+        (2, np.pi / 2, "the lane is too crooked, or not the ego's direction"),
+        (4, 0.3, "no path within the limits of steering and grip"),
+    ):
+        state = state_of(scene)
+        state[column] = value
+        found = fail_safe(scene, state, 0.0, by_hand(scene, {}, HORIZON), SETTINGS)
+        assert isinstance(found, Miss)
+        assert found.reasons[0] == f"{strategies.BRAKE}: {words}"
+
+
+def test_a_state_of_whole_numbers_is_one_of_floats() -> None:
+    scene = road(STRAIGHT, speed=0.0)
+    found = fail_safe(scene, np.zeros(5, int), 0.0, by_hand(scene, {}, HORIZON), SETTINGS)
+    assert isinstance(found, FailSafe)
+    assert found.trajectory.states.dtype == np.float64

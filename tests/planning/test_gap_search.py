@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from corridors import Range, box
 from fail_safe_scenes import SETTINGS, STRAIGHT, by_hand, road, state_of
@@ -12,6 +13,7 @@ from sandra.planning.fail_safe_candidates import Task, lateral_paths
 from sandra.planning.optimised_profiles import (
     MOST_WAYS,
     _ahead,
+    _may_rest,
     _Node,
     _stops,
     _widest,
@@ -123,3 +125,44 @@ def test_the_bound_on_the_speed_is_a_line_below_it() -> None:
         assert m < 0.0
     level = replace(at, fastest=np.full(len(at.distance), 7.0))
     assert level.speed_bound(10.0, 20.0) == (7.0, 0.0)
+
+
+def test_a_place_whose_beginning_alone_is_reached_is_none() -> None:
+    """Standstills from 0 to 5 m."""
+    last = [(0.0, 0.0), (5.0, 0.0)]
+    assert not _may_rest(last, (5.0, 9.0))
+    assert _may_rest(last, (float(np.nextafter(5.0, 0.0)), 9.0))
+    assert not _may_rest(last, (7.0, 9.0))
+    assert not _may_rest([], (0.0, 9.0))
+
+
+def test_what_ends_a_stretch_within_two_metres_of_the_end_is_the_end() -> None:
+    across = Region.rectangle(2.0, 3.0).placed(20.0, 0.0, 0.0)
+    at = replace(track(dict.fromkeys(range(HORIZON), across)), length=20.0)
+    assert at.in_the_way(0, 18.0) == "leaves the road"
+    assert at.in_the_way(0, float(np.nextafter(18.0, 0.0))) == "may meet obstacle 7 0.00 s from now"
+
+
+def test_stretches_of_the_part_that_is_asked_for_to_the_cell() -> None:
+    """The front, 2.25 m before the centre, keeps 5 cm from what stands at 20 to 30 m."""
+    at = track(dict.fromkeys(range(HORIZON), Region.rectangle(10.0, 3.0).placed(25.0, 0.0, 0.0)))
+    assert at.free(0, 0.0, 40.0) == [(0.0, 17.5), (32.5, 42.0)]
+    # Two metres more to both sides.
+    assert at.free(0, 40.0, 50.0) == [(38.0, 52.0)]
+
+
+def test_the_bound_on_the_speed_is_of_the_part_that_is_asked_for() -> None:
+    at = track({})
+    slow_before = replace(at, fastest=np.where(at.distance < 9.0, 1.0, 7.0))
+    assert slow_before.speed_bound(10.0, 20.0) == (7.0, 0.0)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize(("apart", "free"), [(0.051, True), (0.049, False)])
+def test_what_stands_beside_the_path_takes_it_from_5_cm_on(
+    side: float, apart: float, free: bool
+) -> None:
+    """The body is 1.8 m wide; the block 1 m, and 4 m long."""
+    beside = Region.rectangle(4.0, 1.0).placed(20.0, side * (0.9 + apart + 0.5), 0.0)
+    found = track(dict.fromkeys(range(HORIZON), beside)).free(0, 0.0, 40.0)
+    assert (len(found) == 1) == free

@@ -17,7 +17,18 @@ from sandra.actions import ActionPair
 from sandra.errors import SettingsError
 from sandra.logic import Part, Specification, parse
 from sandra.planning import single_track
-from sandra.planning.given import APART, AT_START, FAR, _away, _beyond, _outside, _times, driven
+from sandra.planning.given import (
+    APART,
+    AT_START,
+    CREEPING,
+    FAR,
+    _away,
+    _beyond,
+    _outside,
+    _reference,
+    _times,
+    driven,
+)
 from sandra.planning.limits import Limits
 from sandra.planning.tracking import Reference
 from sandra.planning.types import Trajectory
@@ -379,3 +390,13 @@ def test_all_that_is_wrong_is_said() -> None:
         "a part of its body leaves the road",
         "its trace does not satisfy 'r' [G(v < 9)]",
     ]
+
+
+def test_at_just_a_metre_per_second_the_heading_tells_the_direction() -> None:
+    times = 0.25 * np.arange(H + 1)
+    on = around(COURSE.scene(speed=1.0, dt=0.25))
+    for speed, course in ((CREEPING, 0.5), (float(np.nextafter(CREEPING, 2.0)), 0.0)):
+        states = np.column_stack([speed * times, 0 * times, 0 * times + 0.5, 0 * times + speed])
+        track, _, driven_at = _reference(on, times, states)
+        assert (driven_at[1:] == speed).all()
+        assert track.course[0, 1:] == pytest.approx(course)

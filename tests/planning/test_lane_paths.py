@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from reach_scenes import Course
-from sandra.planning.lane_paths import Paths, drive, guide, paths
+from sandra.planning import lane_paths
+from sandra.planning.lane_paths import Guide, Paths, _foot, drive, guide, paths
 from sandra.planning.single_track import HEADING, STEERING, step
 
 WHEELBASE = 2.6
@@ -121,3 +122,58 @@ def test_steering_stays_while_standing() -> None:
     assert (states[0, 0, 2:] == states[0, 0, 2]).all()
     assert (inputs[0, 0, 2:] == 0.0).all()
     assert states[0, 0, 2, STEERING] == pytest.approx(0.01)
+
+
+# Bounds at their last bit.
+
+
+def straight_on(d: float = 0.0) -> np.ndarray:
+    return np.array([0.0, d, 0.0, 8.0, 0.0])
+
+
+def test_who_heads_as_far_away_as_may_be_has_a_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    frame = Course().lane("current", 1, -1.75, 1.75).frame
+    for most, found in ((0.0, True), (-1e-300, False)):
+        monkeypatch.setattr(lane_paths, "MOST_TURNED", most)
+        assert (guide(frame, straight_on(), WHEELBASE, 20.0) is not None) == found
+
+
+def test_a_line_where_the_normals_are_as_near_as_may_be(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On the line itself 1 - kappa d is 1."""
+    frame = Course().lane("current", 1, -1.75, 1.75).frame
+    for narrowest, found in ((1.0, True), (float(np.nextafter(1.0, 2.0)), False)):
+        monkeypatch.setattr(lane_paths, "NARROWEST", narrowest)
+        assert (guide(frame, straight_on(), WHEELBASE, 20.0) is not None) == found
+
+
+def test_a_path_where_the_normals_are_nearer_than_that_is_none(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    u, one, none = np.arange(9.0), np.ones(9), np.zeros(9)
+    line = Guide(u, np.column_stack([u, none]), none, one, none, none, none, (0.0, 0.0, 0.0))
+    for narrowest, valid in ((1.0, False), (float(np.nextafter(1.0, 0.0)), True)):
+        monkeypatch.setattr(lane_paths, "NARROWEST", narrowest)
+        found = paths(line, np.array([0.0]), np.array([4.0]), WHEELBASE)
+        assert found.valid.tolist() == [valid]
+
+
+def test_the_search_for_the_foot_point_ends_where_it_is_too_flat(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """On a straight line the derivative is 1; from the nearest of its points the foot is 0.25 m."""
+
+    def curve(u: float, k: int) -> np.ndarray:
+        return np.array([[u, 0.0], [1.0, 0.0], [0.0, 0.0]][k])
+
+    chord = np.arange(4.0)
+    line = np.column_stack([chord, np.zeros(4)])
+    for flattest, foot in ((1.0, 2.0), (float(np.nextafter(1.0, 0.0)), 2.25)):
+        monkeypatch.setattr(lane_paths, "FLATTEST", flattest)
+        assert _foot(curve, chord, line, np.array([2.25, 3.0])) == foot
+
+
+def test_some_of_the_paths() -> None:
+    all_three = Paths(np.arange(6.0).reshape(3, 2), np.ones((3, 2)), np.array([True, False, True]))
+    some = all_three.only([2, 1])
+    assert some.way.tolist() == [[4.0, 5.0], [2.0, 3.0]]
+    assert some.valid.tolist() == [True, False]

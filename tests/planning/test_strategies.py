@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -232,3 +234,55 @@ def test_lanes_that_end_before_or_begin_after_are_not_there() -> None:
         assert lanes(state(heading=0.1), on) == ("current", found)
     # Where there is no lane at all it is the current one.
     assert lanes(state(x=-300.0), COURSE.scene([current]))[0] == "current"
+
+
+# The bounds themselves, on numbers that a computer has exactly.
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_the_edge_and_the_speed_across_at_their_bounds(side: float) -> None:
+    """Between borders at -1 and 2 m; the next lane is no further than 4.5 m away."""
+    borders = (-1.0, 2.0) if side > 0 else (-2.0, 1.0)
+    next_lane = 3.0 * side
+
+    def changes(
+        d: float = 0.0, half: float = 0.5, across: float = 0.0, offset: float = next_lane
+    ) -> bool:
+        return strategies._changes(side * d, half, side * across, borders, offset)
+
+    edge = 2.0 + strategies.TOUCH
+    assert not changes(d=edge, half=0.0)
+    assert changes(d=float(np.nextafter(edge, 9.0)), half=0.0)
+    assert not changes(across=strategies.SIDEWAYS)
+    assert changes(across=float(np.nextafter(strategies.SIDEWAYS, 9.0)))
+    assert not changes(across=-9.0)
+    assert changes(d=9.0, offset=side * 4.5)
+    assert not changes(d=9.0, offset=side * float(np.nextafter(4.5, 9.0)))
+
+
+@pytest.mark.parametrize("x", [-5.0, 5.0])
+def test_abeam_of_the_ends_of_a_lane_is_still_there(x: float) -> None:
+    here = COURSE.lane("left", 101, 1.75, 5.25, start=-5.0, end=5.0)
+    on = COURSE.scene([COURSE.lanes(left=0, right=0)[0], here])
+    assert lanes(state(x=x, heading=0.1), on) == ("current", ["left"])
+
+
+def test_an_evasion_of_just_the_distance_to_the_edge_is_none(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(strategies, "TO_EDGE", 0.5)
+    ego = replace(scene().ego, width=2.0)
+    # From -2 to 2 m: half a metre to both sides.
+    tight = COURSE.lane("current", 100, -2.0, 2.0)
+    assert strategies.evading_aims(ego, state(), Situation(tight, ()), 20.0) == []
+    # Where one offset is left, that one: 3 m wide, its frame 1 m beside its middle.
+    beside = replace(
+        COURSE.lane("current", 100, -0.5, 2.5), frame=COURSE.lane("current", 1, -1.0, 1.0).frame
+    )
+    aims = strategies.evading_aims(ego, state(), Situation(beside, ()), 20.0)
+    assert {aim.target for aim in aims} == {1.0}
+
+
+def test_the_mildest_deceleration_is_not_repeated(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(strategies, "INNER", 0.5)
+    assert strategies.decelerations(Settings(a_lon_min=-2.5)).tolist() == [2.0]

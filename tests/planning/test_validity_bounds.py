@@ -251,3 +251,12 @@ def test_the_road_is_looked_at_near_the_ego_only() -> None:
     assert not road.holds(at(28.0, 0.0), np.zeros((1, 1, 2)), 0.1, EGO)[0]
     assert not road.holds(at(-28.0, 0.0), np.zeros((1, 1, 2)), 0.1, EGO)[0]
     assert CLEARANCE == 0.02
+
+
+def test_a_difference_that_is_too_short_is_no_direction(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Off a corner by 3 and 4 m only the direction to it separates by 5 m; edges are shorter."""
+    body = corners(np.zeros((1, 2, 5)), EGO).reshape(1, 8, 2)
+    points = np.tile([5.25, 4.75], (1, 3, 1))
+    for shortest, away in ((5.0, -np.inf), (float(np.nextafter(5.0, 0.0)), 5.0)):
+        monkeypatch.setattr("sandra.planning.validity.SHORTEST_AXIS", shortest)
+        assert separation(body, points)[0] == away

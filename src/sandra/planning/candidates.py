@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sandra.actions import Lateral
+from sandra.planning.bounds import stands, within
 from sandra.planning.cost import Course, Weights, costs
 from sandra.planning.limits import Limits
 from sandra.planning.profiles import profiles
@@ -125,8 +126,8 @@ class Sampler:
         for k in range(self.corridor.horizon, 0, -1):
             boxes = self._boxes[k]
             x, y = s[rows, k, None], d[rows, k, None]
-            inside = (x >= boxes[:, 0] - slack) & (x <= boxes[:, 1] + slack)
-            inside &= (y >= boxes[:, 2] - slack) & (y <= boxes[:, 3] + slack)
+            inside = within(x, boxes[:, 0], boxes[:, 1], slack)
+            inside &= within(y, boxes[:, 2], boxes[:, 3], slack)
             rows = rows[inside.any(axis=1)]
         found = np.zeros(len(s), dtype=np.bool_)
         found[rows] = True
@@ -141,8 +142,8 @@ class Sampler:
         motion = motions(scene, self.start, self._speeds(chosen, scene.dt), scene.dt, pairs)
         lateral = motion.speed**2 * (motion.bend + scene.frame.curvature(motion.s))
         most = TOO_MUCH * self.ground.settings.a_lat_max
-        kept = (np.abs(motion.slope) <= STEEPEST).all(axis=1)
-        kept &= (np.abs(lateral[:, 1:]) <= most).all(axis=1)
+        kept = within(motion.slope, -STEEPEST, STEEPEST).all(axis=1)
+        kept &= within(lateral[:, 1:], -most, most).all(axis=1)
         self.counts["limits"] += int((~kept).sum())
         inside = np.zeros_like(kept)
         inside[kept] = self.inside(motion.s[kept], motion.d[kept], COARSE)
@@ -193,4 +194,4 @@ class Sampler:
         """(N, n+1) speeds under accelerations (N, n), each lasting `step` seconds."""
         gained = self.start.speed + np.cumsum(accelerations * step, axis=1)
         speed = np.concatenate([np.full((len(gained), 1), self.start.speed), gained], axis=1)
-        return np.where(np.abs(speed) < 1e-9, 0.0, speed)
+        return np.where(stands(speed), 0.0, speed)

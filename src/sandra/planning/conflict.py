@@ -41,11 +41,7 @@ def conflict_areas(scene: Scene) -> list[Array]:
     pieces = []
     for i in sorted(incoming):
         area = by_id[i].area()
-        low_x, low_y, high_x, high_y = area.bounds
-        for mine in own_areas:
-            x0, y0, x1, y1 = mine.bounds
-            if x0 <= high_x and x1 >= low_x and y0 <= high_y and y1 >= low_y:
-                pieces.append(area.intersection(mine))
+        pieces += [area.intersection(mine) for mine in own_areas]
     # Cut pieces of one overlap are joined before slivers are dropped.
     joined = union_all(pieces)
     opened = joined.buffer(-SLIVER / 2, join_style="mitre").buffer(

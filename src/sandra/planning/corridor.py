@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sandra.actions import ActionPair
+from sandra.planning.bounds import moves
 from sandra.planning.types import Maneuver
 from sandra.reach import BaseSet, Polygon, ReachableSet
 from sandra.reach.polygon import area, half_planes, intersection, propagate
@@ -142,7 +143,7 @@ def _states(scene: Scene, lon: Array, lat: Array) -> Array:
     points = scene.frame.to_cartesian(np.column_stack([s, d]))
     kappa = scene.frame.curvature(s)
     along = np.maximum(lon[:, 1], 0.0) * np.maximum(1.0 - kappa * d, 0.0)
-    moving = np.hypot(along, lat[:, 1]) > 0.1
+    moving = moves(np.hypot(along, lat[:, 1]))
     relative = np.where(moving, np.arctan2(lat[:, 1], along), 0.0)
     heading = scene.frame.heading(s) + relative
     states = np.column_stack([points, heading, np.hypot(along, lat[:, 1]), lon[:, 2]])

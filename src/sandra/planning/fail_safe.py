@@ -6,10 +6,11 @@ state); a fail-safe with a proof belongs to the certificate.
 
 from __future__ import annotations
 
-from math import atan2, ceil, cos, sin
+from math import ceil, cos, sin
 
 import numpy as np
 
+from sandra.planning.bounds import moves, stands
 from sandra.planning.types import Maneuver
 from sandra.scene.types import Scene
 from sandra.settings import Settings
@@ -42,10 +43,8 @@ def full_braking(scene: Scene, settings: Settings) -> Maneuver:
     points = scene.frame.to_cartesian(path)
     # Along the path itself, not along the reference line.
     along *= np.maximum(1.0 - scene.frame.curvature(path[:, 0]) * path[:, 1], 0.0)
-    relative = np.array(
-        [atan2(a, max(b, 1e-6)) if b > 0.1 else 0.0 for a, b in zip(across, along, strict=True)]
-    )
-    acceleration = np.where(along > 1e-9, braking, 0.0)
+    relative = np.where(moves(along), np.arctan2(across, along), 0.0)
+    acceleration = np.where(stands(along), 0.0, braking)
     states = np.column_stack(
         [
             points,

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sandra.planning.bounds import clear
 from sandra.planning.fail_safe_candidates import Candidates, Task
 from sandra.planning.limits import within_limits
 from sandra.planning.single_track import SPEED, lateral_acceleration
@@ -60,7 +61,7 @@ class Failures:
 def standing(task: Task, failures: Failures, strategy: str) -> FailSafe | None:
     """Standstill already: no motion at all, if it is outside the conflict areas."""
     away = float(task.shared.from_conflicts(task.state[None])[0])
-    if away <= CONFLICT_MARGIN:
+    if not clear(away, CONFLICT_MARGIN):
         failures.add(strategy, _in_conflict(task.state), 0.0)
         return None
     trajectory = Trajectory(task.state[None].copy(), np.empty((0, 2)), task.tau, task.t_dec)
@@ -75,16 +76,18 @@ def mildest_that_holds(task: Task, candidates: Candidates, failures: Failures) -
         failures.add(name, "no path within the limits of steering and grip", 0.0)
     last = candidates.states[:, -1]
     away = shared.from_conflicts(last)
-    for i in np.flatnonzero(kept & (away <= CONFLICT_MARGIN)).tolist():
+    may_stand = clear(away, CONFLICT_MARGIN)
+    for i in np.flatnonzero(kept & ~may_stand).tolist():
         text = _how(candidates, i) + _in_conflict(last[i])
         failures.add(candidates.strategy[i], text, 1.0, float(away[i]))
-    kept &= away > CONFLICT_MARGIN
+    kept &= may_stand
     if shared.cut_in:
         late = beyond_legal_cut_in(task, candidates.states)
-        for i in np.flatnonzero(kept & (late > 0.0)).tolist():
+        in_time = late <= 0.0
+        for i in np.flatnonzero(kept & ~in_time).tolist():
             text = f"{_how(candidates, i)}stops {late[i]:.1f} m too late for who cuts in legally"
             failures.add(candidates.strategy[i], text, 1.5, -float(late[i]))
-        kept &= late <= 0.0
+        kept &= in_time
     lateral = np.abs(lateral_acceleration(candidates.states, ego.wheelbase))[:, :-1]
     peak = np.hypot(candidates.inputs[..., 0], lateral).max(axis=1)
     rows = np.flatnonzero(kept)

@@ -72,7 +72,7 @@ def leaving(task: Task) -> Round:
     exits = []
     for area in task.shared.conflicts:
         s = frame.to_curvilinear(area)[:, 0]
-        if s.max() > s0 - half and s.min() < s0 + half + task.speed * LONGEST:
+        if _in_reach(s - s0, half, task.speed * LONGEST):
             exits.append(float(s.max()) + half + 0.3 - s0)
     speeds: list[Array] = []
     for distance in sorted(exits)[:4]:
@@ -111,6 +111,14 @@ def optimising(task: Task) -> Round:
             else:
                 reasons.append(reason)
     return Round(tuple(attempts), ((strategies.OPTIMISE, reasons[0]),) if reasons else ())
+
+
+def _in_reach(area: Array, half: float, ahead: float) -> bool:
+    """Whether the body, `half` to the front and the rear, is in an area or may come to it.
+
+    `area`: places along the lane, from the body's centre on; `ahead`: so far it may drive [m].
+    """
+    return bool(area.max() > -half and area.min() < half + ahead)
 
 
 def _farthest(task: Task) -> float:

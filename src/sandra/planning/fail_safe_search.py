@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from sandra.errors import SettingsError
 from sandra.planning import strategies
+from sandra.planning.bounds import whole_steps, within
 from sandra.planning.fail_safe_candidates import Task, simulate
 from sandra.planning.fail_safe_checks import Failures, mildest_that_holds, standing
 from sandra.planning.fail_safe_rounds import LONGEST, ROUNDS, STANDING, Rounds
@@ -127,11 +128,11 @@ def _first_step(scene: Scene, t_dec: float, prediction: Prediction) -> int:
         raise SettingsError(
             f"a fail-safe maneuver needs a set-based prediction, this one is {prediction.kind}"
         )
-    if abs(prediction.dt - scene.dt) > 1e-9:
+    if not within(prediction.dt - scene.dt, -1e-9, 1e-9):
         raise SettingsError(
             f"the prediction has dt = {prediction.dt} s, the scene {scene.dt} s: predict again"
         )
-    first = round(t_dec / scene.dt)
-    if first < 0 or abs(first * scene.dt - t_dec) > 1e-6:
+    first = whole_steps(t_dec, scene.dt, 1e-6)
+    if first is None or first < 0:
         raise SettingsError(f"t_dec = {t_dec} s must be a multiple of dt = {scene.dt} s, >= 0")
     return first

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sandra.errors import SettingsError
 from sandra.logic import Specification
+from sandra.planning.bounds import clear, whole_steps, within
 from sandra.planning.limits import Limits, within_limits
 from sandra.planning.trace import satisfies, steps_of
 from sandra.planning.tracking import Reference, fine_step, follow
@@ -92,8 +93,8 @@ def driven(
 def _times(dt: float, horizon: int, step: float | None) -> Array:
     """The times of the states that are needed."""
     step = dt if step is None else step
-    count = round(dt / step) if step > 0.0 else 0
-    if count < 1 or abs(count * step - dt) > 1e-9:
+    count = whole_steps(dt, step, 1e-9) if step > 0.0 else None
+    if not count:
         raise SettingsError(
             f"step = {step!r} s must be the scene's dt = {dt:g} s or an integer part of it"
         )
@@ -163,7 +164,7 @@ def _beyond(track: Reference, speed: Array, tau: float, limits: Limits) -> str |
         ("speed", "m/s", speed, 0.0, limits.v_max),
         ("acceleration", "m/s^2", acceleration, limits.a_lon_min, limits.a_lon_max),
     ):
-        beyond = (values < low - 1e-6) | (values > high + 1e-6)
+        beyond = ~within(values, low, high, 1e-6)
         if beyond.any():
             i = int(np.argmax(beyond))
             bound = low if values[i] < low else high
@@ -210,12 +211,14 @@ def _faults(
     tau, per_step = fine_step(scene.dt)
     steps = steps_of(around.ground, states[0], inputs[0], per_step)
     outside = np.array([_outside(corridor, k, *p) for k, p in enumerate(steps.position.tolist())])
-    if outside.max() > INSIDE:
-        first = int(np.argmax(outside > INSIDE))
+    left = ~within(outside, 0.0, INSIDE)
+    if left.any():
+        first = int(np.argmax(left))
         yield f"it leaves the corridor from {first * scene.dt:.2f} s on, by up to {_m(outside)}"
     gaps = around.occupied.gaps(states, inputs, tau, scene.ego)[0]
-    if gaps.min() <= CLEARANCE:
-        i = int(np.argmax(gaps <= CLEARANCE))
+    meets = ~clear(gaps, CLEARANCE)
+    if meets.any():
+        i = int(np.argmax(meets))
         near = around.occupied.nearest(states[:, : i + 2], inputs[:, : i + 1], tau, scene.ego)
         assert near is not None, "a gap has somebody at its other side"
         obstacle = around.ground.prediction.obstacles[near[0]].obstacle

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sandra.planning.bounds import within
 from sandra.planning.limits import slip
 from sandra.planning.single_track import HEADING, SPEED, STEERING, X, Y
 from sandra.scene.frame import Frame, smoothed
@@ -24,6 +25,10 @@ Array = NDArray[np.float64]
 
 SPACING = 0.25
 """Distance of the points of a path [m]."""
+MOST_TURNED = 1.2
+"""Who heads further away from the lane's direction drives across it, or against it [rad]."""
+FLATTEST = 0.1
+"""The search for a foot point ends where its derivative is no more: the normals nearly meet."""
 NARROWEST = 0.2
 """Paths on which 1 - kappa d falls below this are left out: the lane's normals nearly meet."""
 
@@ -75,7 +80,7 @@ def guide(frame: Frame, state: Array, wheelbase: float, distance: float) -> Guid
     # Curvature noise in maps asks for steering rates that grow with the speed.
     step = float(np.clip(state[SPEED] / 8, 1.0, 3.0))
     ends = s - 10.0, s + distance + 10.0
-    inner = frame.stations[(frame.stations > ends[0]) & (frame.stations < ends[1])]
+    inner = frame.stations[within(frame.stations, *ends)]
     stations = np.concatenate([ends[:1], inner, ends[1:]])
     line = smoothed(
         frame.to_cartesian(np.column_stack([stations, np.zeros_like(stations)])),
@@ -100,7 +105,7 @@ def guide(frame: Frame, state: Array, wheelbase: float, distance: float) -> Guid
     d = float((rear - points[0]) @ normal)
     relative = float((state[HEADING] - heading[0] + np.pi) % (2 * np.pi) - np.pi)
     along = rate[0] * (1.0 - curvature[0] * d)
-    if abs(relative) > 1.2 or 1.0 - curvature[0] * d < NARROWEST:
+    if abs(relative) > MOST_TURNED or 1.0 - curvature[0] * d < NARROWEST:
         return None
     slope = along * np.tan(relative)
     along_change = rate_change[0] * (1.0 - curvature[0] * d) - rate[0] * (
@@ -128,7 +133,7 @@ def _foot(curve: object, chord: Array, line: Array, point: Array) -> float:
         r, first, second = (curve(u, k) for k in range(3))  # type: ignore[operator]
         off = r - point
         slope = first @ first + off @ second
-        if slope <= 0.1:
+        if slope <= FLATTEST:
             break
         u = float(np.clip(u - (off @ first) / slope, chord[0], chord[-1]))
     return u

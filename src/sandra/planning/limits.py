@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sandra.planning.bounds import within
 from sandra.planning.single_track import SPEED, STEERING
 from sandra.settings import Settings
 
@@ -62,11 +63,13 @@ def within_limits(
     sine = np.sin(np.abs(slip(steering)))
     sharper = np.maximum(sine[:, :-1], sine[:, 1:])
     lateral = 2 * faster**2 * sharper / wheelbase
-    kept = (acceleration >= limits.a_lon_min - ROUNDING).all(axis=1)
-    kept &= (acceleration <= limits.a_lon_max + ROUNDING).all(axis=1)
-    kept &= (np.abs(rate) <= limits.steering_rate_max + ROUNDING).all(axis=1)
-    kept &= (np.abs(steering) <= limits.steering_angle_max + ROUNDING).all(axis=1)
-    kept &= (lateral <= limits.a_lat_max + ROUNDING).all(axis=1)
-    kept &= ((speed >= -ROUNDING) & (speed <= limits.v_max + ROUNDING)).all(axis=1)
-    kept &= np.isfinite(states).all(axis=(1, 2))
+    kept = np.isfinite(states).all(axis=(1, 2))
+    for values, low, high in (
+        (acceleration, limits.a_lon_min, limits.a_lon_max),
+        (rate, -limits.steering_rate_max, limits.steering_rate_max),
+        (steering, -limits.steering_angle_max, limits.steering_angle_max),
+        (lateral, 0.0, limits.a_lat_max),
+        (speed, 0.0, limits.v_max),
+    ):
+        kept &= within(values, low, high, ROUNDING).all(axis=1)
     return np.asarray(kept)

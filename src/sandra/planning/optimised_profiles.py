@@ -114,7 +114,7 @@ def _stops(track: Track) -> tuple[list[_Stop], str]:
                 last = cut_y(ahead, 0.0, 0.0)
                 stands = stands or bool(last)
                 for number, place in enumerate(track.places):
-                    if (resting := cut_x(last, *place)) and range_x(resting)[1] > place[0]:
+                    if _may_rest(last, place):
                         key = (choices, number)
                         found.setdefault(key, []).append(_Stop(_way(node), gap, place))
                 moving = cut_y(ahead, CREEP, fastest)
@@ -135,6 +135,12 @@ def _stops(track: Track) -> tuple[list[_Stop], str]:
     ways = [(stops[-1], stops[len(stops) // 2], stops[0]) for stops in found.values()]
     ordered = [stop for kind in zip(*ways, strict=True) for stop in kind]
     return list(dict.fromkeys(ordered)), ""
+
+
+def _may_rest(last: Polygon, place: Stretch) -> bool:
+    """Whether some standstills lie in a place, not only at the very beginning of it."""
+    resting = cut_x(last, *place)
+    return bool(resting) and range_x(resting)[1] > place[0]
 
 
 def _ahead(

@@ -12,6 +12,7 @@ from math import ceil
 import numpy as np
 from numpy.typing import NDArray
 
+from sandra.planning.bounds import clear, overlap
 from sandra.planning.fail_safe_candidates import Task
 from sandra.planning.fail_safe_checks import CONFLICT_MARGIN
 from sandra.planning.lane_paths import Paths, drive
@@ -74,7 +75,7 @@ class Track:
         distance: Array = CELL * np.arange(n + 1.0)
         on_road = shared.road.contains(states[::ROAD, None], ego)
         length = float(distance[n if on_road.all() else max(int(np.argmin(on_road)) - 1, 0) * ROAD])
-        away = shared.from_conflicts(states) > CONFLICT_MARGIN + SLACK
+        away = clear(shared.from_conflicts(states), CONFLICT_MARGIN + SLACK)
         intervals = ceil(max(SHORTEST_STEP / task.scene.dt, task.steps / MOST_STEPS) - 1e-9)
         return Track(
             task,
@@ -102,10 +103,8 @@ class Track:
         i = min(max(int(low / CELL / BLOCK) - 1, 0), blocks - 1)
         j = min(ceil(high / CELL / BLOCK) + 1, blocks)
         bodies = self.bodies[i * BLOCK : j * BLOCK + 1]
-        rows = rows[
-            (shared.low[rows] <= bodies.max(axis=(0, 1)) + wide).all(axis=1)
-            & (shared.high[rows] >= bodies.min(axis=(0, 1)) - wide).all(axis=1)
-        ]
+        lowest, highest = bodies.min(axis=(0, 1)) - wide, bodies.max(axis=(0, 1)) + wide
+        rows = rows[overlap(shared.low[rows], shared.high[rows], lowest, highest)]
         regions = shapely.convex_hull(shapely.multipoints(occupied.vertices[rows]))
         within = occupied.radius[rows] + wide
         hulls = _swept(bodies, BLOCK)

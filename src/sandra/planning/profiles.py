@@ -8,7 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from sandra.planning.limits import MARGIN, Limits
+from sandra.planning.bounds import stands, within
+from sandra.planning.limits import MARGIN, ROUNDING, Limits
 from sandra.reach.sets import ReachableSet
 
 Array = NDArray[np.float64]
@@ -35,11 +36,11 @@ def profiles(corridor: ReachableSet, v0: float, s0: float, dt: float, limits: Li
     speed[:, 0] = v0
     for k in range(h):
         speed[:, k + 1] = np.maximum(speed[:, k] + raw[:, k] * dt, 0.0)
-    tiny = speed < 1e-9
+    tiny = stands(speed)
     tiny[:, 0] = False
     speed[tiny] = 0.0
     accelerations = np.diff(speed, axis=1) / dt
-    kept = ((accelerations >= low - 1e-9) & (accelerations <= high + 1e-9)).all(axis=1)
+    kept = within(accelerations, low, high, ROUNDING).all(axis=1)
     kept &= (speed <= limits.v_max).all(axis=1)
     driven = s0 + np.cumsum((speed[:, 1:] + speed[:, :-1]) / 2 * dt, axis=1)
     for k in range(1, h + 1):
@@ -48,8 +49,8 @@ def profiles(corridor: ReachableSet, v0: float, s0: float, dt: float, limits: Li
         # Along a bend, or across the lane, s advances differently from the distance driven.
         room = 0.5 + 0.1 * (driven[:, k - 1] - s0)
         slow = 0.5 + 0.1 * speed[:, k]
-        kept &= (driven[:, k - 1] >= s_low - room) & (driven[:, k - 1] <= s_high + room)
-        kept &= (speed[:, k] >= v_low - slow) & (speed[:, k] <= v_high + slow)
+        kept &= within(driven[:, k - 1], s_low, s_high, room)
+        kept &= within(speed[:, k], v_low, v_high, slow)
     _, first = np.unique(np.round(accelerations[kept], 3), axis=0, return_index=True)
     return np.asarray(accelerations[kept][np.sort(first)])
 
@@ -58,7 +59,7 @@ def _levels(low: float, high: float) -> list[float]:
     """Accelerations between two bounds: both, the mildest, and some in between."""
     mild = min(max(0.0, low), high)
     inner = [low + (high - low) * share for share in (0.25, 0.5, 0.75)]
-    gentle = [x for x in (-2.0, -1.0, 1.0) if low < x < high]
+    gentle = [x for x in (-2.0, -1.0, 1.0) if within(x, low, high)]
     return sorted({round(x, 6) for x in (low, mild, high, *inner, *gentle)})
 
 

@@ -12,6 +12,7 @@ from math import ceil, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
+from sandra.planning.bounds import within
 from sandra.planning.single_track import HEADING, SPEED, STEERING
 from sandra.scene.types import Ego, Lane, Scene
 from sandra.settings import Settings
@@ -71,7 +72,7 @@ def situation(scene: Scene, state: Array) -> Situation:
     """
     lanes = [x for x in (scene.current, scene.left, scene.right) if x is not None]
     place = {id(lane): lane.frame.to_curvilinear(state[None, :2])[0] for lane in lanes}
-    there = [x for x in lanes if 0.0 <= place[id(x)][0] <= x.frame.length] or [scene.current]
+    there = [x for x in lanes if within(place[id(x)][0], 0.0, x.frame.length)] or [scene.current]
     home = min(there, key=lambda x: abs(float(place[id(x)][1])))
     s, d = place[id(home)].tolist()
     right, left = edges(home, s, s)
@@ -83,15 +84,26 @@ def situation(scene: Scene, state: Array) -> Situation:
     for lane in there:
         if lane is home:
             continue
-        # Where that lane is, seen from this one: one lane further on, not two.
+        # Where that lane is, seen from this one.
         station = np.array([[place[id(lane)][0], 0.0]])
         offset = float(home.frame.to_curvilinear(lane.frame.to_cartesian(station))[0, 1])
-        if abs(offset) > 1.5 * (left - right):
-            continue
-        touches = d + half > left + TOUCH if offset > 0 else d - half < right - TOUCH
-        if touches or np.sign(offset) * sideways > SIDEWAYS:
+        if _changes(d, half, sideways, (right, left), offset):
             changing.append(lane)
     return Situation(home, tuple(changing))
+
+
+def _changes(
+    d: float, half: float, sideways: float, borders: tuple[float, float], offset: float
+) -> bool:
+    """Whether a body is coming to the lane at an offset, or from there: over the edge, or about to.
+
+    `borders`: of its own lane, right and left [m]. Only the next lane counts, not one two lanes on.
+    """
+    right, left = borders
+    side = float(np.sign(offset))
+    edge = max(side * left, side * right)
+    over = side * d + half > edge + TOUCH or side * sideways > SIDEWAYS
+    return over and abs(offset) <= 1.5 * (left - right)
 
 
 def edges(lane: Lane, s0: float, s1: float) -> tuple[float, float]:
@@ -101,7 +113,7 @@ def edges(lane: Lane, s0: float, s1: float) -> tuple[float, float]:
         points = lane.frame.to_curvilinear(border)
         points = points[np.argsort(points[:, 0])]
         at_ends = np.interp([s0, s1], points[:, 0], points[:, 1])
-        inside = points[(points[:, 0] > s0) & (points[:, 0] < s1), 1]
+        inside = points[within(points[:, 0], s0, s1), 1]
         found.append(float(pick(np.concatenate([at_ends, inside]))))
     return found[0], found[1]
 

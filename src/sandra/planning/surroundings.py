@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sandra.planning.bounds import clear, overlap
 from sandra.planning.conflict import conflict_areas
 from sandra.planning.validity import CLEARANCE, Occupied, Road, corners, separation
 from sandra.prediction.types import Prediction
@@ -85,7 +86,7 @@ class Surroundings:
             gaps = self.gaps(
                 states[rows, i : j + 1], inputs[rows, i:j], tau, start + i * tau, 2 * CLEARANCE
             )
-            meets = (gaps <= CLEARANCE) & (i + np.arange(j - i) < count[rows, None])
+            meets = ~clear(gaps, CLEARANCE) & (i + np.arange(j - i) < count[rows, None])
             found[rows] = np.where(meets.any(axis=1), i + meets.argmax(axis=1), -1)
         return found
 
@@ -103,7 +104,7 @@ class Surroundings:
                 start + (n - 1) * tau,
                 2 * CLEARANCE,
             )
-            found[group] = gaps[:, 0] > CLEARANCE
+            found[group] = clear(gaps[:, 0], CLEARANCE)
         return found
 
     def nearest(self, states: Array, time: float) -> int:
@@ -136,8 +137,7 @@ class Surroundings:
         for rows in (slice(0, n), slice(1, n + 1)):
             np.minimum.at(lowest, steps, low[rows])
             np.maximum.at(highest, steps, high[rows])
-        near = (self.low <= highest[self.step]).all(axis=1)
-        near &= (self.high >= lowest[self.step]).all(axis=1)
+        near = overlap(self.low, self.high, lowest[self.step], highest[self.step])
         total = np.concatenate([[0], np.cumsum(near)])
         return replace(
             occupied,

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sandra.planning.bounds import clear
 from sandra.planning.limits import slip
 from sandra.planning.single_track import HEADING, SPEED, STEERING
 from sandra.prediction.geometry import stack
@@ -27,6 +28,8 @@ ROAD_MARGIN = 0.01
 """Distance that planned bodies keep from the border of the road, beyond what is needed [m]."""
 ROUGH = 0.3
 """Samples may leave the road by this much [m]: what is driven then may yet stay on it."""
+SHORTEST_AXIS = 1e-9
+"""Differences of two points that are no longer than this tell no direction [m]."""
 SLIT = 0.05
 """Gaps of up to twice this between neighbouring lanelets are no border of the road [m]."""
 
@@ -121,7 +124,7 @@ class Occupied:
             ValueError: if the trajectories last longer than the prediction.
         """
         gaps = self.gaps(states, inputs, tau, ego, start, clearance + 0.5)
-        return np.asarray((gaps > clearance).all(axis=1))
+        return np.asarray(clear(gaps, clearance).all(axis=1))
 
     def gaps(
         self,
@@ -215,12 +218,12 @@ def separation(hulls: Array, polygons: Array) -> Array:
         axis=1,
     )
     size = np.linalg.norm(axes, axis=2, keepdims=True)
-    axes = axes / np.maximum(size, 1e-9)
+    axes = axes / np.maximum(size, SHORTEST_AXIS)
     ours = axes @ np.swapaxes(hulls, 1, 2)
     theirs = axes @ np.swapaxes(polygons, 1, 2)
     gap = np.maximum(theirs.min(axis=2) - ours.max(axis=2), ours.min(axis=2) - theirs.max(axis=2))
     # Without length it is no direction, and separates nothing.
-    return np.asarray(np.where(size[..., 0] > 1e-9, gap, -np.inf).max(axis=1))
+    return np.asarray(np.where(size[..., 0] > SHORTEST_AXIS, gap, -np.inf).max(axis=1))
 
 
 def _nearest(rectangles: Array, points: Array) -> Array:

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sandra.logic import Specification
+from sandra.planning.bounds import clear
 from sandra.planning.candidates import Candidates, Sampler
 from sandra.planning.cost import Weights, clearance_cost
 from sandra.planning.limits import Limits, within_limits
@@ -132,7 +133,7 @@ def _wrong_at_start(around: Surroundings) -> str | None:
     states[..., 3] = 0.0
     if not around.road.holds(states, inputs, 0.0, ego)[0]:
         return "the ego's body is not on the road, or at its very border, at the start"
-    if around.occupied.gaps(states, inputs, 0.0, ego).min() <= CLEARANCE:
+    if not clear(around.occupied.gaps(states, inputs, 0.0, ego).min(), CLEARANCE):
         return "the ego's body touches another one, or nearly so, at the start"
     return None
 
@@ -191,11 +192,12 @@ class _Search:
         gap = self.around.occupied.gaps(
             bodies, inputs, self.scene.dt, self.scene.ego, within=1.0
         ).min(axis=1)
-        free = gap > COARSE_GAP
+        free = clear(gap, COARSE_GAP)
         self.counts["collision"] += int((~free).sum())
         best = int(np.argmax(gap))
-        if not free[best] and (self.closest is None or gap[best] > self.closest[0]):
-            self.closest = float(gap[best]), bodies[best : best + 1]
+        if not free[best]:
+            found = float(gap[best]), bodies[best : best + 1]
+            self.closest = max(self.closest or found, found, key=lambda x: x[0])
         total = candidates.cost[rows] + clearance_cost(gap, self.weights)
         order = np.argsort(total[free], kind="stable")
         return [int(i) for i in rows[free][order]]
