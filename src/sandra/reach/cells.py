@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,12 +13,14 @@ from sandra.scene.types import Scene
 
 Array = NDArray[np.float64]
 
+BLOCK = 8
+"""So many columns and rows of cells are compared with the road at once."""
+
 
 def grid(scene: Scene, s: Array, d: Array) -> Array:
     """(len(s), len(d), 2) Cartesian points of a grid in the lane frame."""
-    mesh = np.stack(np.meshgrid(s, d, indexing="ij"), axis=-1)
-    points: Array = scene.frame.to_cartesian(mesh.reshape(-1, 2)).reshape(mesh.shape)
-    return points
+    foot, normal = scene.frame.across(s)
+    return np.asarray(foot[:, None] + d[:, None] * normal[:, None])
 
 
 def bulge(scene: Scene, lattice: Lattice) -> Array:
@@ -48,18 +53,61 @@ def bulge(scene: Scene, lattice: Lattice) -> Array:
     return result
 
 
-def off_road(scene: Scene, lattice: Lattice) -> Mask:
-    """Cells in which the inscribed disc crosses the border of the road, wherever its centre is."""
+def areas_of(scene: Scene) -> dict[int, Any]:
+    """Every lanelet by id as a valid shapely geometry, also where its borders cross."""
     import shapely
 
-    polygons = [lanelet.area() for lanelet in scene.lanelets]
-    # Neighbouring lanelets may leave slits between them that are no border.
-    road = shapely.union_all(polygons).buffer(0.1).buffer(-0.1)
+    outlines = [lanelet.outline for lanelet in scene.lanelets]
+    owner = np.repeat(np.arange(len(outlines)), [len(outline) for outline in outlines])
+    rings = shapely.linearrings(np.concatenate(outlines), indices=owner)
+    areas = shapely.buffer(shapely.polygons(rings), 0.0)
+    return dict(zip((lanelet.id for lanelet in scene.lanelets), areas, strict=True))
+
+
+def off_road(scene: Scene, lattice: Lattice, areas: Mapping[int, Any] | None = None) -> Mask:
+    """Cells in which the inscribed disc crosses the border of the road, wherever its centre is.
+
+    Args:
+        areas: `areas_of(scene)`, if they are known already.
+    """
+    import shapely
+
     s, d = lattice.centers()
     centers = grid(scene, s, d)
     # Half a cell's diagonal, stretched by curvature, goes to the ego: only sure crossings count.
     stretch = 1.0 + float(np.abs(scene.frame.curvature(s)).max()) * float(np.abs(d).max())
-    slack = np.hypot(lattice.ds * stretch, lattice.dd) / 2
-    eroded = road.buffer(float(slack) - scene.ego.width / 2)
-    shapely.prepare(eroded)
-    return np.asarray(~shapely.contains_xy(eroded, centers[..., 0], centers[..., 1]))
+    slack = float(np.hypot(lattice.ds * stretch, lattice.dd) / 2)
+    several = np.array(list((areas_of(scene) if areas is None else areas).values()))
+    # What is farther from all centres than the road is shrunk or widened is no matter.
+    around = scene.ego.width / 2 + slack + 1.0
+    sides = centers[:, [0, -1]].reshape(-1, 2)
+    (low_x, low_y), (high_x, high_y) = sides.min(axis=0) - around, sides.max(axis=0) + around
+    x0, y0, x1, y1 = shapely.bounds(several).T
+    near = (x0 <= high_x) & (x1 >= low_x) & (y0 <= high_y) & (y1 >= low_y)
+    # Neighbouring lanelets may leave slits between them that are no border.
+    road = shapely.union_all(several[near]).buffer(0.1).buffer(-0.1)
+    eroded = road.buffer(slack - scene.ego.width / 2)
+    return ~_contains(eroded, centers)
+
+
+def _contains(area: Any, points: Array) -> Mask:
+    """(m, n) which points are in a shapely geometry; whole blocks of them at once where possible.
+
+    Args:
+        points: (m, n, 2), each points[i] on a straight line.
+    """
+    import shapely
+
+    shapely.prepare(area)
+    m, n = points.shape[:2]
+    i, j = np.arange(0, m, BLOCK), np.arange(0, n, BLOCK)
+    ends = points[:, j], points[:, np.minimum(j + BLOCK, n) - 1]
+    low = np.minimum.reduceat(np.minimum(*ends), i, axis=0)
+    high = np.maximum.reduceat(np.maximum(*ends), i, axis=0)
+    boxes = shapely.box(low[..., 0], low[..., 1], high[..., 0], high[..., 1])
+    inside = shapely.contains_properly(area, boxes)
+    unclear = ~inside & shapely.intersects(area, boxes)
+    spread = np.ix_(np.arange(m) // BLOCK, np.arange(n) // BLOCK)
+    found, some = inside[spread], unclear[spread]
+    found[some] = shapely.contains_xy(area, points[some])
+    return np.asarray(found)

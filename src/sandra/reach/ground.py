@@ -6,6 +6,7 @@ the disc inscribed in the ego's body, which lies within the body whatever its he
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import hypot, isclose
 
@@ -15,8 +16,9 @@ from numpy.typing import NDArray
 from sandra.errors import SettingsError
 from sandra.prediction.types import Prediction
 from sandra.reach.bands import Band, Leader, Limit, band, leaders, limits
-from sandra.reach.cells import bulge, grid, off_road
+from sandra.reach.cells import areas_of, bulge, grid, off_road
 from sandra.reach.initial import initial_set, lattice_of
+from sandra.reach.later import Later
 from sandra.reach.lattice import Lattice, Mask
 from sandra.reach.polygon import Polygon
 from sandra.reach.windows import Window, union, windows
@@ -45,8 +47,8 @@ class Ground:
     """Union of all causes at each step."""
     bands: tuple[tuple[str, Band], ...]
     """(relation, band) of the lanes that rules and actions speak of."""
-    leaders: tuple[tuple[tuple[Leader, ...], ...], ...]
-    """For each band and each step, the vehicles in it."""
+    leaders: Sequence[tuple[tuple[Leader, ...], ...]]
+    """For each band and each step, the vehicles in it; R_G1 alone asks for them."""
     limits: tuple[Limit, ...]
     """Signed speed limits along s."""
 
@@ -85,7 +87,8 @@ def ground(scene: Scene, prediction: Prediction, settings: Settings) -> Ground:
     lon, lat = initial_set(scene, settings)
     lattice = lattice_of(scene, prediction.horizon, lon, lat, settings)
     s_lines, d_lines = lattice.corners()
-    beyond_road = off_road(scene, lattice)
+    areas = areas_of(scene)
+    beyond_road = off_road(scene, lattice, areas)
     occupied = windows(
         prediction, grid(scene, s_lines, d_lines), scene.ego.width / 2 - bulge(scene, lattice)
     )
@@ -110,6 +113,6 @@ def ground(scene: Scene, prediction: Prediction, settings: Settings) -> Ground:
         occupied,
         union(beyond_road, occupied, prediction.horizon),
         bands,
-        leaders(scene, prediction, settings, lanes),
+        Later(lambda: leaders(scene, prediction, settings, lanes, areas)),
         limits(scene, tuple(x for x in (scene.current, scene.left, scene.right) if x)),
     )
