@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from sandra.planning.conflict import conflict_areas
 from sandra.planning.validity import CLEARANCE, Occupied, Road, corners, separation
+from sandra.prediction.geometry import extent
 from sandra.prediction.types import Prediction
 from sandra.scene.types import Ego, Scene
 
@@ -48,13 +49,14 @@ class Surroundings:
 
         areas = tuple(conflict_areas(scene))
         occupied = Occupied.of(set_based)
+        low, high = extent(occupied.vertices)
         return Surroundings(
             scene.ego,
             tuple(each.obstacle.id for each in set_based.obstacles),
             occupied,
             np.repeat(np.arange(occupied.horizon), np.diff(occupied.first)),
-            occupied.vertices.min(axis=1) - occupied.radius[:, None],
-            occupied.vertices.max(axis=1) + occupied.radius[:, None],
+            low - occupied.radius[:, None],
+            high + occupied.radius[:, None],
             Road.of(scene),
             areas,
             shapely.union_all([shapely.Polygon(x) for x in areas]) if areas else None,
