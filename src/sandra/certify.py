@@ -24,6 +24,7 @@ from sandra.planning.fail_safe_search import Miss as NoFailSafe
 from sandra.planning.given import driven
 from sandra.planning.surroundings import Surroundings as OfFailSafe
 from sandra.planning.types import Trajectory
+from sandra.planning.validity import Road
 from sandra.planning.witness import Miss, Surroundings, start_state, witness
 from sandra.prediction import Prediction, predict
 from sandra.reach import Ground, Status, Verdict, Verdicts
@@ -98,8 +99,13 @@ class Basis:
             # where the ego can come.
             near = _farthest(scene, steps * scene.dt, settings) + WELL_CLEAR
             set_based = predict(scene, "set-based", steps, settings, instants=False, near=near)
+        road = Road.of(scene, _farthest(scene, max(steps * scene.dt, last), settings) + WELL_CLEAR)
         return Basis(
-            ground, set_based, due, Surroundings.of(ground), OfFailSafe.of(scene, set_based)
+            ground,
+            set_based,
+            due,
+            Surroundings.of(ground, road),
+            OfFailSafe.of(scene, set_based, road),
         )
 
     def fail_safe_now(self) -> FailSafe | None:

@@ -43,8 +43,8 @@ class Surroundings:
     """Whether the prediction relies on somebody's cutting in only as the law allows."""
 
     @staticmethod
-    def of(scene: Scene, set_based: Prediction) -> Surroundings:
-        """Prepare the searches of one decision, for `fail_safe`."""
+    def of(scene: Scene, set_based: Prediction, road: Road | None = None) -> Surroundings:
+        """Prepare the searches of one decision, for `fail_safe`; `road`: `Road.of(scene)`."""
         import shapely
 
         areas = tuple(conflict_areas(scene))
@@ -57,7 +57,7 @@ class Surroundings:
             np.repeat(np.arange(occupied.horizon), np.diff(occupied.first)),
             low - occupied.radius[:, None],
             high + occupied.radius[:, None],
-            Road.of(scene),
+            Road.of(scene) if road is None else road,
             areas,
             shapely.union_all([shapely.Polygon(x) for x in areas]) if areas else None,
             any("legal_cut_in" in each.assumptions for each in set_based.obstacles),

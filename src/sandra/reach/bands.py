@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from math import inf
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sandra.prediction.types import Prediction
-from sandra.reach.cells import areas_of
 from sandra.reach.lattice import Lattice
 from sandra.reach.traffic import in_traffic
 from sandra.scene.frame import Frame
@@ -207,28 +205,23 @@ def _per_column(start: Array, end: Array, lines: Array) -> tuple[Array, Array]:
 
 
 def leaders(
-    scene: Scene,
-    prediction: Prediction,
-    settings: Settings,
-    lanes: tuple[Lane, ...],
-    areas: Mapping[int, Any] | None = None,
+    scene: Scene, prediction: Prediction, settings: Settings, lanes: tuple[Lane, ...]
 ) -> tuple[tuple[tuple[Leader, ...], ...], ...]:
     """For each lane and each step, the vehicles in it, rear ends ascending (most likely).
 
     A vehicle is in a lane if its body touches one of its lanelets. With
     `settings.cut_in_exception`, no distance is asked to one that entered less than `t_c` ago.
-
-    Args:
-        areas: `areas_of(scene)`, if they are known already.
     """
     import shapely
 
-    areas = areas_of(scene) if areas is None else areas
-    of_lanes = [shapely.union_all([areas[i] for i in lane.lanelets]) for lane in lanes]
+    areas = [
+        shapely.union_all([x.area() for x in scene.lanelets if x.id in lane.lanelets])
+        for lane in lanes
+    ]
     found: list[list[list[Leader]]] = [[[] for _ in range(prediction.horizon + 1)] for _ in lanes]
     exempt = round(settings.t_c / scene.dt) if settings.cut_in_exception else 0
     for traffic in in_traffic(prediction):
-        inside = traffic.touches(of_lanes)
+        inside = traffic.touches(areas)
         rear, speed = traffic.measured(scene.frame, np.asarray(inside.any(axis=0)))
         for of_lane, here in zip(found, inside, strict=True):
             entered = -exempt

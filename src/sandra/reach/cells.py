@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -53,23 +52,8 @@ def bulge(scene: Scene, lattice: Lattice) -> Array:
     return result
 
 
-def areas_of(scene: Scene) -> dict[int, Any]:
-    """Every lanelet by id as a valid shapely geometry, also where its borders cross."""
-    import shapely
-
-    outlines = [lanelet.outline for lanelet in scene.lanelets]
-    owner = np.repeat(np.arange(len(outlines)), [len(outline) for outline in outlines])
-    rings = shapely.linearrings(np.concatenate(outlines), indices=owner)
-    areas = shapely.buffer(shapely.polygons(rings), 0.0)
-    return dict(zip((lanelet.id for lanelet in scene.lanelets), areas, strict=True))
-
-
-def off_road(scene: Scene, lattice: Lattice, areas: Mapping[int, Any] | None = None) -> Mask:
-    """Cells in which the inscribed disc crosses the border of the road, wherever its centre is.
-
-    Args:
-        areas: `areas_of(scene)`, if they are known already.
-    """
+def off_road(scene: Scene, lattice: Lattice) -> Mask:
+    """Cells in which the inscribed disc crosses the border of the road, wherever its centre is."""
     import shapely
 
     s, d = lattice.centers()
@@ -77,7 +61,7 @@ def off_road(scene: Scene, lattice: Lattice, areas: Mapping[int, Any] | None = N
     # Half a cell's diagonal, stretched by curvature, goes to the ego: only sure crossings count.
     stretch = 1.0 + float(np.abs(scene.frame.curvature(s)).max()) * float(np.abs(d).max())
     slack = float(np.hypot(lattice.ds * stretch, lattice.dd) / 2)
-    several = np.array(list((areas_of(scene) if areas is None else areas).values()))
+    several = np.array([lanelet.area() for lanelet in scene.lanelets])
     # What is farther from all centres than the road is shrunk or widened is no matter.
     around = scene.ego.width / 2 + slack + 1.0
     sides = centers[:, [0, -1]].reshape(-1, 2)

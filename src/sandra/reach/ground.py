@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from sandra.errors import SettingsError
 from sandra.prediction.types import Prediction
 from sandra.reach.bands import Band, Leader, Limit, band, leaders, limits
-from sandra.reach.cells import areas_of, bulge, grid, off_road
+from sandra.reach.cells import bulge, grid, off_road
 from sandra.reach.initial import initial_set, lattice_of
 from sandra.reach.later import Later
 from sandra.reach.lattice import Lattice, Mask
@@ -87,8 +87,7 @@ def ground(scene: Scene, prediction: Prediction, settings: Settings) -> Ground:
     lon, lat = initial_set(scene, settings)
     lattice = lattice_of(scene, prediction.horizon, lon, lat, settings)
     s_lines, d_lines = lattice.corners()
-    areas = areas_of(scene)
-    beyond_road = off_road(scene, lattice, areas)
+    beyond_road = off_road(scene, lattice)
     occupied = windows(
         prediction, grid(scene, s_lines, d_lines), scene.ego.width / 2 - bulge(scene, lattice)
     )
@@ -113,6 +112,6 @@ def ground(scene: Scene, prediction: Prediction, settings: Settings) -> Ground:
         occupied,
         union(beyond_road, occupied, prediction.horizon),
         bands,
-        Later(lambda: leaders(scene, prediction, settings, lanes, areas)),
+        Later(lambda: leaders(scene, prediction, settings, lanes)),
         limits(scene, tuple(x for x in (scene.current, scene.left, scene.right) if x)),
     )
