@@ -175,10 +175,7 @@ def _held(regions: list[tuple[Region, ...]], shapes: Shapes) -> NDArray[np.bool_
     held = np.zeros(len(shapes), dtype=np.bool_)
     # Mostly one region holds the body as it is, and no shape has to be widened or united.
     chosen = begin[mine[owner]] + rank
-    inside = shapely.covers(hulls[chosen], shapes[owner])
-    wide = np.flatnonzero(~inside & (radii[chosen] > 0.0))
-    inside[wide] = _within(radii[chosen[wide]], hulls[chosen[wide]], shapes[owner[wide]])
-    np.logical_or.at(held, owner, inside)
+    np.logical_or.at(held, owner, _within(radii[chosen], hulls[chosen], shapes[owner]))
     for i in np.flatnonzero(~held):
         part = slice(begin[mine[i]], begin[mine[i] + 1])
         union = shapely.union_all(shapely.buffer(hulls[part], radii[part] + SLACK))
@@ -187,10 +184,12 @@ def _held(regions: list[tuple[Region, ...]], shapes: Shapes) -> NDArray[np.bool_
 
 
 def _within(radii: Array, hulls: Shapes, shapes: Shapes) -> NDArray[np.bool_]:
-    """(n,) whether convex shapes are within a radius of convex hulls: their corners are."""
+    """(n,) whether convex shapes are within a radius of convex hulls: all their corners are."""
     points, owner = shapely.get_coordinates(shapes, return_index=True)
-    away = shapely.distance(shapely.points(points), hulls[owner])
-    found = np.ones(len(shapes), dtype=np.bool_)
-    # What is not a number is no distance.
-    found[owner[~(away <= radii[owner])]] = False
-    return found
+    near = np.asarray(shapely.intersects_xy(hulls[owner], points[:, 0], points[:, 1]))
+    outside = np.flatnonzero(~near & (radii[owner] > 0.0))
+    away = shapely.distance(shapely.points(points[outside]), hulls[owner[outside]])
+    near[outside] = away <= radii[owner[outside]]
+    corners = np.bincount(owner, minlength=len(shapes))
+    held = np.bincount(owner[near], minlength=len(shapes))
+    return np.asarray((held == corners) & (corners > 0))
