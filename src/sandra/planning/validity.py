@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from sandra.planning.bounds import clear
 from sandra.planning.limits import slip
 from sandra.planning.single_track import HEADING, SPEED, STEERING
-from sandra.prediction.geometry import stack
+from sandra.prediction.geometry import extent, stack
 from sandra.prediction.types import Prediction
 from sandra.scene.types import Ego, Scene
 
@@ -94,8 +94,12 @@ class Occupied:
         owner = np.array([index for step in owned for _, index in step], dtype=int)
         vertices = stack([region.vertices for region in everything])
         radius = np.array([region.radius for region in everything], dtype=float)
-        middle = (vertices.min(axis=1) + vertices.max(axis=1)) / 2
-        reach = np.linalg.norm(vertices - middle[:, None], axis=2).max(axis=1) + radius
+        low, high = extent(vertices)
+        middle = (low + high) / 2
+        reach = radius.copy()
+        for column in range(vertices.shape[1]):
+            away = vertices[:, column] - middle
+            np.maximum(reach, np.sqrt(away[:, 0] ** 2 + away[:, 1] ** 2) + radius, out=reach)
         first = np.cumsum([0, *(len(step) for step in owned)])
         return Occupied(prediction.dt, vertices, radius, middle, reach, first, owner)
 

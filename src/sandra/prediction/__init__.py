@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 from sandra.errors import SettingsError
@@ -34,6 +35,7 @@ def predict(
     settings: Settings | None = None,
     *,
     instants: bool = True,
+    near: float = math.inf,
 ) -> Prediction:
     """Predict all other participants over `horizon` steps of `scene.dt`.
 
@@ -47,6 +49,8 @@ def predict(
         settings: the assumptions of the set-based prediction; default `Settings()`.
         instants: False where only regions between the steps are asked for: set-based regions at
             the steps are then those of the step before, and cost nothing.
+        near: set-based regions of those that cannot come as near to the ego's present position
+            [m] are only discs, which hold whatever they may do.
 
     Returns:
         The prediction; `notes` says in words what had to be assumed.
@@ -68,6 +72,6 @@ def predict(
     likely, notes = trajectories(scene, horizon, use_recordings=kind != "constant-velocity")
     if kind == "set-based":
         notes = tuple(f"most likely trajectories: {note}" for note in notes)
-        obstacles, more = predict_sets(scene, likely, horizon, settings, instants)
+        obstacles, more = predict_sets(scene, likely, horizon, settings, instants, near)
         return Prediction(kind, scene.dt, horizon, obstacles, notes + more)
     return Prediction(kind, scene.dt, horizon, with_bodies(likely, scene.dt), notes)

@@ -62,8 +62,10 @@ def check_assumptions(assumptions: Assumptions) -> None:
             raise SettingsError(f"assumptions.{name} = {value!r} must be a finite number >= 0")
 
 
-def observe(obstacle: Obstacle, state: State, lane_map: LaneMap, a: Assumptions) -> Observed:
-    """Choose the assumptions for one participant; drop those that its state violates."""
+def motion_bounds(
+    obstacle: Obstacle, state: State, a: Assumptions
+) -> tuple[Bounds, list[str], list[str]]:
+    """The bounds on a participant's motion, and which assumptions hold or are dropped for them."""
     speed = state.speed if obstacle.speed_is_known else None
     pedestrian = obstacle.kind == "pedestrian"
     allowed = a.pedestrian_max_speed if pedestrian else a.max_speed
@@ -77,21 +79,20 @@ def observe(obstacle: Obstacle, state: State, lane_map: LaneMap, a: Assumptions)
         dropped.append(name)
     else:
         holds.append(name)
-
-    on_lanes = obstacle.kind in LANE_KINDS
-    bounded = a.bounded_heading and on_lanes
+    bounded = a.bounded_heading and obstacle.kind in LANE_KINDS
     if bounded:
         holds.append("bounded_heading")
-    bounds = Bounds(
-        acceleration,
-        fastest,
-        speed,
-        a.min_turning_radius if bounded else 0.0,
-        a.max_slip_angle,
-    )
+    radius = a.min_turning_radius if bounded else 0.0
+    return Bounds(acceleration, fastest, speed, radius, a.max_slip_angle), holds, dropped
+
+
+def observe(obstacle: Obstacle, state: State, lane_map: LaneMap, a: Assumptions) -> Observed:
+    """Choose the assumptions for one participant; drop those that its state violates."""
+    bounds, holds, dropped = motion_bounds(obstacle, state, a)
+    speed = bounds.speed
     places: tuple[Place, ...] = ()
     lateral, reversing = math.inf, True
-    if on_lanes and a.stay_on_carriageway:
+    if obstacle.kind in LANE_KINDS and a.stay_on_carriageway:
         everywhere = lane_map.places(state.x, state.y, state.heading, ON_LANE)
         places = tuple(p for p in everywhere if abs(p.relative_heading) <= WRONG_WAY)
         (holds if places else dropped).append("stay_on_carriageway")

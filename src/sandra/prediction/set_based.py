@@ -20,6 +20,7 @@ concern the ego's *current* lane only: in a neighbouring lane, nothing is left o
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -33,8 +34,10 @@ from sandra.prediction.lane_table import LaneTable
 from sandra.prediction.lanes import LaneMap
 from sandra.prediction.most_likely import Likely
 from sandra.prediction.motion import (
+    MARGIN,
     POSITION_DIRECTIONS,
     bodies,
+    circumscribed,
     heading_change,
     position_offsets,
     travelled,
@@ -43,6 +46,7 @@ from sandra.prediction.observed import (
     NOTHING,
     check_assumptions,
     is_fixed,
+    motion_bounds,
     observe,
     towards_ego,
 )
@@ -55,14 +59,19 @@ from sandra.prediction.occupancy import (
 )
 from sandra.prediction.touched import Vehicle
 from sandra.prediction.types import PredictedObstacle
-from sandra.scene.types import Obstacle, Scene, State
-from sandra.settings import Settings
+from sandra.scene.types import Obstacle, Region, Scene, State
+from sandra.settings import Assumptions, Settings
 
 Array = NDArray[np.float64]
 
 
 def predict_sets(
-    scene: Scene, likely: tuple[Likely, ...], horizon: int, settings: Settings, instants: bool
+    scene: Scene,
+    likely: tuple[Likely, ...],
+    horizon: int,
+    settings: Settings,
+    instants: bool = True,
+    near: float = math.inf,
 ) -> tuple[tuple[PredictedObstacle, ...], tuple[str, ...]]:
     """The set-based prediction of all others.
 
@@ -72,6 +81,7 @@ def predict_sets(
         horizon: number of steps h.
         settings: for the assumptions, and R_G1's safe distance in `legal_cut_in`.
         instants: whether tight regions at each t_k are wanted; else those of the step before.
+        near: those that cannot come as near to the ego's present position [m] get discs.
 
     Returns:
         The predictions, and notes in words.
@@ -82,7 +92,7 @@ def predict_sets(
     """
     check_assumptions(settings.assumptions)
     lane_map = build_map(scene.lanelets, _reach(scene, horizon, settings) + 1.0)
-    plans = [_plan(scene, each, lane_map, horizon, settings) for each in likely]
+    plans = [_plan(scene, each, lane_map, horizon, settings, near) for each in likely]
     lane = next((lane for lane in scene.lanes if lane.relation == "current"), None)
     scope = Scope(
         scene.dt,
@@ -90,12 +100,16 @@ def predict_sets(
         settings.assumptions.max_overhang,
         instants,
     )
-    occupancies = _occupancies([plan.vehicle for plan in plans if plan], lane_map, scope)
+    moving = [plan.vehicle for plan in plans if isinstance(plan, _Plan)]
+    occupancies = _occupancies(moving, lane_map, scope)
     found: list[PredictedObstacle] = []
     relied_on: dict[str, list[int]] = {"no_rear_end": [], "legal_cut_in": []}
     for each, plan in zip(likely, plans, strict=True):
         if plan is None:
             found += with_bodies([each], scene.dt)
+            continue
+        if isinstance(plan, PredictedObstacle):
+            found.append(plan)
             continue
         occupancy = next(occupancies)
         prediction = _prediction(each, plan, occupancy, horizon, instants)
@@ -144,13 +158,23 @@ class _Plan:
 
 
 def _plan(
-    scene: Scene, likely: Likely, lane_map: LaneMap, horizon: int, settings: Settings
-) -> _Plan | None:
-    """None for what does not move."""
+    scene: Scene,
+    likely: Likely,
+    lane_map: LaneMap,
+    horizon: int,
+    settings: Settings,
+    near: float,
+) -> _Plan | PredictedObstacle | None:
+    """None for what does not move; the prediction itself for what stays far away."""
     obstacle = likely.obstacle
     if is_fixed(obstacle):
         return None
     first, state = _first_seen(obstacle)
+    away = math.dist((state.x, state.y), (scene.ego.state.x, scene.ego.state.y))
+    if first == 0 and away > near:
+        far = _discs(likely, state, scene.dt, horizon, settings.assumptions)
+        if away > near + far.between[-1][0].radius:
+            return far
     now = obstacle.outline.placed(state.x, state.y, state.heading)
     seen = observe(obstacle, state, lane_map, settings.assumptions)
     law = towards_ego(scene, obstacle, state, seen, settings) if first == 0 else NOTHING
@@ -164,6 +188,23 @@ def _plan(
     rows = np.concatenate([offsets, during])
     body = bodies(obstacle.outline, state.heading, heading_change(seen.bounds, times))
     return _Plan(first, Vehicle(seen, law, obstacle.outline, now, normals, rows, body))
+
+
+def _discs(
+    likely: Likely, state: State, dt: float, horizon: int, assumptions: Assumptions
+) -> PredictedObstacle:
+    """The farthest that a participant may come in any direction, by its assumptions on motion."""
+    obstacle = likely.obstacle
+    bounds, holds, dropped = motion_bounds(obstacle, state, assumptions)
+    times: Array = dt * np.arange(horizon + 1, dtype=np.float64)
+    speed = bounds.v_max if bounds.speed is None else abs(bounds.speed)
+    radii = travelled(np.array(speed), bounds.a_max, bounds.v_max, times)
+    radii = radii + circumscribed(obstacle.outline) + MARGIN
+    centre = np.array([[state.x, state.y]])
+    discs = tuple((Region(centre, radius),) for radius in radii.tolist())
+    return PredictedObstacle(
+        obstacle, discs, discs[1:], likely.states, tuple(holds), tuple(dropped)
+    )
 
 
 def _prediction(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,15 +12,16 @@ from sandra.scene.types import Scene
 
 Array = NDArray[np.float64]
 
-SLACK_STEP = 1.5
-"""Cells whose extents differ by no more than this factor count as equally large."""
+BLOCK = 8
+"""So many columns and rows of cells are compared with the road at once."""
+ALIKE = 1.5
+"""Cells whose sizes differ by no more than this factor count as equally large."""
 
 
 def grid(scene: Scene, s: Array, d: Array) -> Array:
     """(len(s), len(d), 2) Cartesian points of a grid in the lane frame."""
-    mesh = np.stack(np.meshgrid(s, d, indexing="ij"), axis=-1)
-    points: Array = scene.frame.to_cartesian(mesh.reshape(-1, 2)).reshape(mesh.shape)
-    return points
+    foot, normal = scene.frame.across(s)
+    return np.asarray(foot[:, None] + d[:, None] * normal[:, None])
 
 
 def bulge(scene: Scene, lattice: Lattice) -> Array:
@@ -60,9 +63,6 @@ def off_road(scene: Scene, lattice: Lattice, corners: Array, bulges: Array) -> M
     """
     import shapely
 
-    polygons = [lanelet.area() for lanelet in scene.lanelets]
-    # Neighbouring lanelets may leave slits between them that are no border.
-    road = shapely.union_all(polygons).buffer(0.1).buffer(-0.1)
     centers = grid(scene, *lattice.centers())
     away = [
         np.hypot(*np.moveaxis(corners[i : i - 1 or None, j : j - 1 or None] - centers, -1, 0))
@@ -71,12 +71,43 @@ def off_road(scene: Scene, lattice: Lattice, corners: Array, bulges: Array) -> M
     ]
     # From the cell's centre to the ego's: only sure crossings count.
     slack = np.maximum.reduce(away) + bulges[:, None]
+    several = np.array([lanelet.area() for lanelet in scene.lanelets])
+    # What is farther from all centres than the road is shrunk or widened is no matter.
+    around = scene.ego.width / 2 + float(slack.max()) + 1.0
+    sides = centers[:, [0, -1]].reshape(-1, 2)
+    (low_x, low_y), (high_x, high_y) = sides.min(axis=0) - around, sides.max(axis=0) + around
+    x0, y0, x1, y1 = shapely.bounds(several).T
+    near = (x0 <= high_x) & (x1 >= low_x) & (y0 <= high_y) & (y1 >= low_y)
+    # Neighbouring lanelets may leave slits between them that are no border.
+    road = shapely.union_all(several[near]).buffer(0.1).buffer(-0.1)
     beyond = np.zeros(slack.shape, dtype=np.bool_)
     left = np.ones(slack.shape, dtype=np.bool_)
     while left.any():
-        here = left & (slack <= SLACK_STEP * slack[left].min())
+        here = left & (slack <= ALIKE * slack[left].min())
         left &= ~here
         eroded = road.buffer(float(slack[here].max()) - scene.ego.width / 2)
-        shapely.prepare(eroded)
-        beyond[here] = ~shapely.contains_xy(eroded, centers[here, 0], centers[here, 1])
+        beyond |= here & ~_contains(eroded, centers)
     return beyond
+
+
+def _contains(area: Any, points: Array) -> Mask:
+    """(m, n) which points are in a shapely geometry; whole blocks of them at once where possible.
+
+    Args:
+        points: (m, n, 2), each points[i] on a straight line.
+    """
+    import shapely
+
+    shapely.prepare(area)
+    m, n = points.shape[:2]
+    i, j = np.arange(0, m, BLOCK), np.arange(0, n, BLOCK)
+    ends = points[:, j], points[:, np.minimum(j + BLOCK, n) - 1]
+    low = np.minimum.reduceat(np.minimum(*ends), i, axis=0)
+    high = np.maximum.reduceat(np.maximum(*ends), i, axis=0)
+    boxes = shapely.box(low[..., 0], low[..., 1], high[..., 0], high[..., 1])
+    inside = shapely.contains_properly(area, boxes)
+    unclear = ~inside & shapely.intersects(area, boxes)
+    spread = np.ix_(np.arange(m) // BLOCK, np.arange(n) // BLOCK)
+    found, some = inside[spread], unclear[spread]
+    found[some] = shapely.contains_xy(area, points[some])
+    return np.asarray(found)

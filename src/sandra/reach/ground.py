@@ -6,6 +6,7 @@ the disc inscribed in the ego's body, which lies within the body whatever its he
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import hypot, isclose
 
@@ -18,6 +19,7 @@ from sandra.prediction.types import Prediction
 from sandra.reach.bands import Band, Leader, Limit, band, leaders, limits
 from sandra.reach.cells import bulge, grid, off_road
 from sandra.reach.initial import initial_set, lattice_of
+from sandra.reach.later import Later
 from sandra.reach.lattice import Lattice, Mask
 from sandra.reach.polygon import Polygon
 from sandra.reach.problem import Answer
@@ -47,8 +49,8 @@ class Ground:
     """Union of all causes at each step."""
     bands: tuple[tuple[str, Band], ...]
     """(relation, band) of the lanes that rules and actions speak of."""
-    leaders: tuple[tuple[tuple[Leader, ...], ...], ...]
-    """For each band and each step, the vehicles in it."""
+    leaders: Sequence[tuple[tuple[Leader, ...], ...]]
+    """For each band and each step, the vehicles in it; R_G1 alone asks for them."""
     limits: tuple[Limit, ...]
     """Signed speed limits along s."""
     answers: dict[Atom, Answer] = field(default_factory=dict, init=False, repr=False)
@@ -113,6 +115,6 @@ def ground(scene: Scene, prediction: Prediction, settings: Settings) -> Ground:
         occupied,
         union(beyond_road, occupied, prediction.horizon),
         bands,
-        leaders(scene, prediction, settings, lanes),
+        Later(lambda: leaders(scene, prediction, settings, lanes)),
         limits(scene, tuple(x for x in (scene.current, scene.left, scene.right) if x)),
     )

@@ -55,10 +55,11 @@ def read(path: Path) -> Content:
         raise ScenarioError(f"{path}: cannot be read ({error.strerror}); check the path") from None
     if kind == "protobuf":
         return _read_protobuf(path)
-    from commonroad.common.file_reader import CommonRoadFileReader
+    # The reader of all formats would load protobuf as well.
+    from commonroad.common.reader.file_reader_xml import XMLFileReader
 
     with _quiet(), _malformed(path):
-        scenario, problems = CommonRoadFileReader(filename_2020a=data).open()
+        scenario, problems = XMLFileReader(data).open()
     return _content(path, scenario, problems, facts)
 
 

@@ -140,6 +140,7 @@ class Lanelet:
     adjacent_right: tuple[int, bool] | None
     speed_limit: float | None
     """From the signs that apply to this lanelet [m/s]; None if unknown."""
+    _area: Any = field(init=False, repr=False, default=None)
 
     @property
     def center(self) -> Array:
@@ -152,10 +153,12 @@ class Lanelet:
         return np.vstack([self.right, self.left[::-1]])
 
     def area(self) -> Any:
-        """The lanelet as a valid shapely geometry, also where its borders cross."""
+        """The lanelet as a valid shapely geometry, also where its borders cross; made once."""
         import shapely
 
-        return shapely.Polygon(self.outline).buffer(0)
+        if self._area is None:
+            object.__setattr__(self, "_area", shapely.Polygon(self.outline).buffer(0))
+        return self._area
 
 
 @dataclass(frozen=True, slots=True)
