@@ -135,6 +135,27 @@ def test_a_script_without_a_main_guard_is_told_so(tmp_path: Path) -> None:
     assert "if __name__ == '__main__'" in result.stderr.strip().splitlines()[-1]
 
 
+BLOCKED = """
+import signal
+from sandra.evaluation.workers import in_order
+
+def blocked(n):
+    return signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, ())
+
+if __name__ == "__main__":
+    print(list(in_order(blocked, range(4), 2)), blocked(0))
+"""
+
+
+def test_the_keyboard_interrupts_no_worker_from_its_first_moment_on(tmp_path: Path) -> None:
+    script = tmp_path / "script.py"
+    script.write_text(BLOCKED)
+    result = subprocess.run(
+        [sys.executable, str(script)], capture_output=True, text=True, timeout=60, check=True
+    )
+    assert result.stdout.strip() == "[True, True, True, True] False"
+
+
 INTERRUPTIBLE = """
 import signal, sys
 from sandra.cli import main
