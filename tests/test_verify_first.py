@@ -141,6 +141,21 @@ def test_a_server_without_structured_outputs_is_asked_again_only_if_it_must() ->
     assert any("keep,left-lane is not feasible here" in w for w in decision.ranking.warnings)
 
 
+@pytest.mark.parametrize(("reason", "verify"), [(2.5, 1.0), (1.0, 2.5)])
+def test_a_ranking_written_at_once_is_there_after_the_slower_of_the_two(
+    reason: float, verify: float, verification: float
+) -> None:
+    """Such a server writes the ranking unasked; where all of it holds, nothing is asked again."""
+    pace = Pace(reason=reason, rank=0.3, structured=False, preference=sorted(HOLD))
+    with slow_server(pace) as server:
+        decision, took = decide(server, scene=ONE_LANE, prediction=slow_prediction(verify))
+    assert len(server.requests) == 1
+    assert names(decision.ranking.pairs) == HOLD
+    slower = max(pace.reason + pace.rank, verify)
+    assert slower < took < slower + verification + BUSY
+    assert took < pace.reason + pace.rank + verify  # One after the other.
+
+
 def test_if_nothing_holds_no_ranking_is_asked_for_and_the_fail_safe_is_driven() -> None:
     scene = sandra.load(sandra.example("nothing-safe"))
     with slow_server(Pace(reason=30.0)) as server:

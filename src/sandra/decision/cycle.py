@@ -64,7 +64,8 @@ def decide(
         decision_period: when the next decision is due [s], a multiple of `scene.dt`; default one
             step. Until then a certified maneuver is driven, from then on its fail-safe holds.
         past: the pairs executed before, oldest first.
-        deadline: seconds for the ranking, all attempts included.
+        deadline: seconds for the ranking, all attempts included; in mode "verify-first" the
+            ranker's wait for the verdicts is not counted.
         mode: "rank" has feasible pairs ranked, then verifies what was ranked (the paper);
             "verify-first" verifies all twelve pairs while the ranker reads and reasons, then has
             those ranked that hold; "exhaustive" asks nobody: it is "rank" with the ranker of that

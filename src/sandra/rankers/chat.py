@@ -115,7 +115,9 @@ class Reasoning:
 
     def stop(self) -> None:
         """See `Ahead`. The connection is closed when the next piece arrives."""
-        self._first.deadline.end()
+        for asked in (self._first, self._second):
+            if asked is not None:
+                asked.deadline.end()
 
 
 class Asked:
