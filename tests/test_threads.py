@@ -18,6 +18,7 @@ import pytest
 import shapely
 
 import sandra
+from sandra.certify import Basis, certify
 from sandra.logic.translation import _translate
 from sandra.rankers import create
 from sandra.reach import ground, verify_pair
@@ -126,6 +127,19 @@ def test_one_ground_serves_many_threads(eager: None) -> None:
     with ThreadPoolExecutor(6) as pool:
         assert list(pool.map(judged, sandra.ALL_PAIRS * 2)) == alone * 2
     assert digest(base) == before
+
+
+def test_one_basis_serves_many_threads(eager: None) -> None:
+    """Their areas are shared: unguarded, the process crashes here."""
+    scene = sandra.load(sandra.example("merge"))
+    settings = Settings(horizon=8)
+    base = ground(scene, sandra.predict(scene, "set-based", 8, settings), settings)
+    verdicts = [verify_pair(base, pair, RULES) for pair in sandra.ALL_PAIRS]
+    alone = [digest(certify(Basis.of(base), verdict, RULES)) for verdict in verdicts]
+    basis = Basis.of(base)
+    with ThreadPoolExecutor(6) as pool:
+        together = list(pool.map(lambda v: digest(certify(basis, v, RULES)), verdicts))
+    assert together == alone
 
 
 def test_loading_in_many_threads_leaves_no_filter_behind(eager: None) -> None:

@@ -7,13 +7,13 @@ by `deviation`: a point whose acceleration is at most c leaves its chord by at m
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sandra.planning.bounds import clear
 from sandra.planning.limits import slip
+from sandra.planning.prepared import Prepared
 from sandra.planning.single_track import HEADING, SPEED, STEERING
 from sandra.prediction.geometry import extent, stack
 from sandra.prediction.types import Prediction
@@ -244,11 +244,11 @@ def _nearest(rectangles: Array, points: Array) -> Array:
 class Road:
     """The union of all lanelets near the ego, prepared for containment tests."""
 
-    area: Any
-    """shapely geometry, eroded by `ROAD_MARGIN` and the largest deviation that is allowed."""
+    area: Prepared
+    """Eroded by `ROAD_MARGIN` and the largest deviation that is allowed."""
     allowed: float
     """Bodies may deviate by this much between grid points [m]."""
-    rough: Any
+    rough: Prepared
     """The same, grown by `ROUGH` instead."""
 
     @staticmethod
@@ -265,9 +265,7 @@ class Road:
         closed = union.buffer(SLIT, join_style="mitre").buffer(-SLIT, join_style="mitre")
         area = closed.buffer(-(ROAD_MARGIN + allowed), join_style="mitre")
         rough = closed.buffer(ROUGH, join_style="mitre")
-        shapely.prepare(area)
-        shapely.prepare(rough)
-        return Road(area, allowed, rough)
+        return Road(Prepared(area), allowed, Prepared(rough))
 
     def may_hold(self, states: Array, ego: Ego) -> Bools:
         """(N,) whether bodies (N, n+1) are on the road or nearly so, by their corners alone."""
@@ -277,11 +275,9 @@ class Road:
         """(N,) whether all corners of bodies (N, n+1) are on the road: needed, not enough."""
         return self._corners(self.area, states, ego)
 
-    def _corners(self, area: Any, states: Array, ego: Ego) -> Bools:
-        import shapely
-
+    def _corners(self, area: Prepared, states: Array, ego: Ego) -> Bools:
         body = corners(states, ego)
-        return np.asarray(shapely.contains_xy(area, body[..., 0], body[..., 1]).all(axis=(1, 2)))
+        return np.asarray(area.contains_xy(body[..., 0], body[..., 1]).all(axis=(1, 2)))
 
     def holds(self, states: Array, inputs: Array, tau: float, ego: Ego) -> Bools:
         """(N,) whether the bodies of trajectories (N, n+1, 5) are on the road at every instant."""
@@ -293,5 +289,5 @@ class Road:
             body = corners(states[row], ego)
             points = np.concatenate([body[:-1], body[1:]], axis=1)
             hulls = shapely.convex_hull(shapely.multipoints(points))
-            inside[row] = bool(shapely.covers(self.area, hulls).all())
+            inside[row] = bool(self.area.covers(hulls).all())
         return inside
