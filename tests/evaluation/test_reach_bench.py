@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 import sandra
+from reach_particles import World, fly
 from sandra.cli import main
 from sandra.evaluation.reach_bench import Peer, PeerError, PeerRefused, bench_reach, checks
 from sandra.evaluation.reach_bench.hand_over import (
@@ -28,6 +29,7 @@ from sandra.evaluation.reach_bench.hand_over import (
 from sandra.evaluation.reach_bench.measure import SETTINGS
 from sandra.evaluation.reach_bench.ours import free_set, prepare
 from sandra.evaluation.reach_bench.rows import Ours, Peers, Report, Row
+from sandra.logic import Specification
 from sandra.reach import Ground
 from sandra.scene import Frame, Region
 
@@ -209,6 +211,24 @@ def test_what_lies_beyond_the_road_is_closed(peer: Peer) -> None:
         areas.append(peer.ask({"do": "sets"})["steps"][-1]["area"])
     assert areas[0] > 1.2 * areas[1]  # in 0.2 s it jumps over the border
     assert areas[1] < free_set(base).area(12)
+
+
+@needs_peer
+def test_trajectories_leave_the_peers_set_where_it_drops_narrow_gaps(peer: Peer) -> None:
+    """Why areas are compared on the same forbidden cells, at matched resolution."""
+    base = base_of("intersection", 15)
+    found, start = free_set(base), reference_line(base)[1]
+    outcome = fly(World(base), Specification(PAIR, ()), found, 20_000, 1)
+    assert outcome.missing == 0
+    s, d = outcome.survivors[-1][:, [0, 2]].T
+    peer.ask(problem_of(base))
+    peer.ask(PREPARE)
+    peer.ask({"do": "compute"})
+    inside = np.zeros(len(s), dtype=bool)
+    for s_low, d_low, s_high, d_high in peer.ask({"do": "sets"})["steps"][-1]["boxes"]:
+        inside |= (s - start >= s_low) & (s - start <= s_high) & (d >= d_low) & (d <= d_high)
+    assert inside.any()
+    assert (~inside).mean() > 0.02
 
 
 @needs_peer
