@@ -19,6 +19,7 @@ import sandra
 from reach_particles import World, fly
 from sandra.cli import main
 from sandra.evaluation.reach_bench import Peer, PeerError, PeerRefused, bench_reach, checks
+from sandra.evaluation.reach_bench.frames import framed
 from sandra.evaluation.reach_bench.hand_over import (
     beyond_the_road,
     forbidden_boxes,
@@ -26,7 +27,7 @@ from sandra.evaluation.reach_bench.hand_over import (
     problem_of,
     reference_line,
 )
-from sandra.evaluation.reach_bench.measure import SETTINGS
+from sandra.evaluation.reach_bench.measure import SETTINGS, _handed_over
 from sandra.evaluation.reach_bench.ours import free_set, prepare
 from sandra.evaluation.reach_bench.rows import Ours, Peers, Report, Row
 from sandra.logic import Specification
@@ -107,6 +108,33 @@ def test_a_disc_becomes_a_polygon_between_its_inside_and_its_outside() -> None:
     assert (np.hypot(*(middles - [1.0, 2.0]).T) < 0.5).all()
 
 
+def bent(name: str, ahead: float, radius: float) -> sandra.Scene:
+    """A scene whose reference line turns right some way ahead of the ego."""
+    scene = sandra.load(sandra.example(name), settings=SETTINGS)
+    s = scene.ego_curvilinear[0]
+    straight = np.array([[x, 0.0] for x in np.arange(s - 20.0, s + ahead + 1.0, 1.0)])
+    line = scene.frame.to_cartesian(straight)
+    course = np.arctan2(*(line[-1] - line[-2])[::-1])
+    angles = np.arange(1, 10) * np.pi / 20
+    arc = radius * np.column_stack([np.sin(angles), np.cos(angles) - 1.0])
+    turned = arc @ np.array([[np.cos(course), np.sin(course)], [-np.sin(course), np.cos(course)]])
+    frame = Frame(np.vstack([line, line[-1] + turned]))
+    lanes = tuple(replace(x, frame=frame) if x is scene.current else x for x in scene.lanes)
+    return replace(scene, lanes=lanes)
+
+
+def test_a_sharp_bend_ahead_is_left_away() -> None:
+    scene = bent("merge", 15.0, 6.0)
+    own, smooth, straight = framed(scene)
+    assert own == (scene, "")
+    assert smooth[0].frame.clearance > scene.frame.clearance
+    assert straight[1] == "straight on where its line bends sharply"
+    line = straight[0].frame.line
+    assert (line == scene.frame.line[: len(line)]).all()
+    assert 30.0 < straight[0].frame.length < 36.0
+    assert len(list(framed(sandra.load(sandra.example("merge"))))) == 2
+
+
 # What is checked
 
 
@@ -169,6 +197,15 @@ def test_a_free_set_has_the_same_area_in_both(peer: Peer) -> None:
 
 
 @needs_peer
+def test_where_the_lane_bends_too_sharply_both_get_another_frame(peer: Peer) -> None:
+    scene, settings = bent("merge", 15.0, 1.5), SETTINGS.replace(horizon=16)
+    base, found, note, _ = _handed_over(scene, settings, peer)
+    assert note
+    assert base.scene.frame.clearance > scene.frame.clearance
+    assert found.area(16) > 10.0
+
+
+@needs_peer
 def test_the_peers_faulty_cut_is_noticed(peer: Peer) -> None:
     base = base_of("merge", 6, a_lon_min=-6.0, a_lon_max=6.0)
     peer.ask(problem_of(base))
@@ -180,8 +217,8 @@ def test_the_peers_faulty_cut_is_noticed(peer: Peer) -> None:
 
 @needs_peer
 def test_an_obstacle_or_a_border_that_the_peer_lacks_is_noticed(peer: Peer) -> None:
-    base = base_of("roadworks")
-    asked = checks.forbidden_points(base)
+    base = base_of("merge", 20)
+    asked = checks.forbidden_points(base, free_set(base))
     problem = problem_of(base)
     peer.ask(problem)
     peer.ask(PREPARE)
