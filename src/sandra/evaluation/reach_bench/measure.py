@@ -190,14 +190,14 @@ def _checked(base: Ground, found: ReachableSet, peer: Peer, tolerance: float) ->
             "beyond": beyond_the_road(base),
         }
     )
-    peer.ask({"do": "compute"})
+    spent: float = peer.ask({"do": "compute"})["compute_s"]
     steps = peer.ask({"do": "sets"})["steps"]
     check.check_bounds(base, steps)
     matched = tuple(step["area"] for step in steps)
     areas = check.check_areas(_areas(found), matched, tolerance)
     finer = base.settings.replace(cell_s=cell_s / 2, cell_d=cell_d / 2)
     fine = check.Areas.of(_areas(free_set(prepare(base.scene, finer))), matched)
-    return Checks(share, matched, areas.largest, areas.smallest, fine.largest)
+    return Checks(share, matched, spent, areas.largest, areas.smallest, fine.largest)
 
 
 def _areas(found: ReachableSet) -> tuple[float, ...]:

@@ -42,12 +42,14 @@ class Checks:
     Attributes:
         obstacles: share of our forbidden cells that the peer forbids.
         matched: areas of the peer's core per step on our cells, at our resolution [m^2].
+        matched_time: what that took, once [s].
         largest, smallest: our area over the matched one, extremes over the steps.
         finer: the largest such ratio for our set on cells of half the size.
     """
 
     obstacles: float
     matched: tuple[float, ...]
+    matched_time: float
     largest: float
     smallest: float
     finer: float
