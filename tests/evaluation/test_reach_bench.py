@@ -168,6 +168,12 @@ def test_areas_are_compared_both_ways_and_only_where_they_are_large() -> None:
     assert checks.Areas.of((0.1,), (0.2,)) == checks.Areas(1.0, 1.0)
 
 
+def test_a_peer_that_gave_up_is_noticed() -> None:
+    checks.check_alive((0.5, 3.0, 0.0), (0.5, 9.0, 0.4))
+    with pytest.raises(checks.NotTheSame, match="empty at step 1; on our cells it has 9"):
+        checks.check_alive((0.5, 0.0, 0.0), (0.5, 9.0, 20.0))
+
+
 def test_points_are_compared_in_our_frame() -> None:
     base = base_of("merge", 3)
     start = reference_line(base)[1]

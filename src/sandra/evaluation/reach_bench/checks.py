@@ -163,6 +163,21 @@ def check_obstacles(collides: list[list[bool]]) -> float:
     return share
 
 
+def check_alive(own: Sequence[float], matched: Sequence[float]) -> None:
+    """The peer's set with its own obstacles is not empty where it is large on our cells.
+
+    It is where the ego starts nearer to the border of the road than the peer tells from on it.
+
+    Raises:
+        NotTheSame: if it is.
+    """
+    for k, (area, other) in enumerate(zip(own, matched, strict=True)):
+        if area == 0.0 and other >= LARGE:
+            raise NotTheSame(
+                f"the peer's own set is empty at step {k}; on our cells it has {other:.0f} m^2"
+            )
+
+
 def check_areas(ours: Sequence[float], peers: Sequence[float], tolerance: float) -> Areas:
     """Our areas beside the peer's at matched resolution, on the same forbidden cells.
 

@@ -178,7 +178,8 @@ def _checked(base: Ground, found: ReachableSet, peer: Peer, tolerance: float) ->
     peer.ask(_prepare(base))
     share = check.check_obstacles(peer.ask(check.forbidden_points(base, found))["collides"])
     peer.ask({"do": "compute"})
-    check.check_bounds(base, peer.ask({"do": "sets"})["steps"])
+    own = peer.ask({"do": "sets"})["steps"]
+    check.check_bounds(base, own)
 
     cell_s, cell_d = base.settings.cell_s, base.settings.cell_d
     peer.ask(
@@ -194,6 +195,7 @@ def _checked(base: Ground, found: ReachableSet, peer: Peer, tolerance: float) ->
     steps = peer.ask({"do": "sets"})["steps"]
     check.check_bounds(base, steps)
     matched = tuple(step["area"] for step in steps)
+    check.check_alive([step["area"] for step in own], matched)
     areas = check.check_areas(_areas(found), matched, tolerance)
     finer = base.settings.replace(cell_s=cell_s / 2, cell_d=cell_d / 2)
     fine = check.Areas.of(_areas(free_set(prepare(base.scene, finer))), matched)
