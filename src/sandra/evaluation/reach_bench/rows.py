@@ -40,16 +40,16 @@ class Checks:
     """What was found when the two problems were compared.
 
     Attributes:
-        frame: largest distance between the two frames [m].
         obstacles: share of our forbidden cells that the peer forbids.
         matched: areas of the peer's core per step on our cells, at our resolution [m^2].
+        matched_time: what that took, once [s].
         largest, smallest: our area over the matched one, extremes over the steps.
         finer: the largest such ratio for our set on cells of half the size.
     """
 
-    frame: float
     obstacles: float
     matched: tuple[float, ...]
+    matched_time: float
     largest: float
     smallest: float
     finer: float
@@ -57,7 +57,11 @@ class Checks:
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One scenario at one horizon; `refused` says why it was not timed against the peer."""
+    """One scenario at one horizon.
+
+    `refused` says why it was not timed against the peer, `note` what was changed for the peer's
+    sake.
+    """
 
     scenario: str
     horizon: int
@@ -69,6 +73,7 @@ class Row:
     peer: Peers | None = None
     checks: Checks | None = None
     refused: str | None = None
+    note: str = ""
 
     @property
     def ratios(self) -> dict[str, float]:
@@ -151,6 +156,8 @@ def _lines(row: Row) -> list[str]:
     lines = [text]
     if row.refused:
         lines.append(f"    not timed against the peer: {row.refused}")
+    if row.note:
+        lines.append(f"    in a frame that the peer can follow: {row.note}")
     if row.ours is not None:
         lines.append("    area [m^2] " + _areas(row))
     return lines
