@@ -64,13 +64,12 @@ def off_road(scene: Scene, lattice: Lattice, corners: Array, bulges: Array) -> M
     import shapely
 
     centers = grid(scene, *lattice.centers())
-    away = [
-        np.hypot(*np.moveaxis(corners[i : i - 1 or None, j : j - 1 or None] - centers, -1, 0))
-        for i in (0, 1)
-        for j in (0, 1)
-    ]
     # From the cell's centre to the ego's: only sure crossings count.
-    slack = np.maximum.reduce(away) + bulges[:, None]
+    slack = np.zeros(centers.shape[:2])
+    for corner in (corners[:-1, :-1], corners[1:, :-1], corners[:-1, 1:], corners[1:, 1:]):
+        away = corner - centers
+        np.maximum(slack, away[..., 0] ** 2 + away[..., 1] ** 2, out=slack)
+    slack = np.sqrt(slack) + bulges[:, None]
     several = np.array([lanelet.area() for lanelet in scene.lanelets])
     # What is farther from all centres than the road is shrunk or widened is no matter.
     around = scene.ego.width / 2 + float(slack.max()) + 1.0
@@ -80,34 +79,48 @@ def off_road(scene: Scene, lattice: Lattice, corners: Array, bulges: Array) -> M
     near = (x0 <= high_x) & (x1 >= low_x) & (y0 <= high_y) & (y1 >= low_y)
     # Neighbouring lanelets may leave slits between them that are no border.
     road = shapely.union_all(several[near]).buffer(0.1).buffer(-0.1)
-    beyond = np.zeros(slack.shape, dtype=np.bool_)
+    inside = np.zeros(slack.shape, dtype=np.bool_)
     left = np.ones(slack.shape, dtype=np.bool_)
+    boxes = _boxes(centers)
     while left.any():
         here = left & (slack <= ALIKE * slack[left].min())
         left &= ~here
         eroded = road.buffer(float(slack[here].max()) - scene.ego.width / 2)
-        beyond |= here & ~_contains(eroded, centers)
-    return beyond
+        inside |= _contains(eroded, centers, boxes, here)
+    return ~inside
 
 
-def _contains(area: Any, points: Array) -> Mask:
-    """(m, n) which points are in a shapely geometry; whole blocks of them at once where possible.
-
-    Args:
-        points: (m, n, 2), each points[i] on a straight line.
-    """
+def _boxes(points: Array) -> Any:
+    """Shapely boxes around blocks of (m, n, 2) points, each points[i] on a straight line."""
     import shapely
 
-    shapely.prepare(area)
     m, n = points.shape[:2]
     i, j = np.arange(0, m, BLOCK), np.arange(0, n, BLOCK)
     ends = points[:, j], points[:, np.minimum(j + BLOCK, n) - 1]
     low = np.minimum.reduceat(np.minimum(*ends), i, axis=0)
     high = np.maximum.reduceat(np.maximum(*ends), i, axis=0)
-    boxes = shapely.box(low[..., 0], low[..., 1], high[..., 0], high[..., 1])
-    inside = shapely.contains_properly(area, boxes)
-    unclear = ~inside & shapely.intersects(area, boxes)
+    return shapely.box(low[..., 0], low[..., 1], high[..., 0], high[..., 1])
+
+
+def _contains(area: Any, points: Array, boxes: Any, asked: Mask) -> Mask:
+    """(m, n) which of the points asked for are in a shapely geometry; whole blocks where possible.
+
+    Args:
+        points: (m, n, 2).
+        boxes: of `_boxes`.
+        asked: (m, n).
+    """
+    import shapely
+
+    shapely.prepare(area)
+    m, n = points.shape[:2]
+    ways = np.arange(0, m, BLOCK), np.arange(0, n, BLOCK)
+    some = np.logical_or.reduceat(np.logical_or.reduceat(asked, ways[0]), ways[1], axis=1)
+    within, unclear = np.zeros_like(some), np.zeros_like(some)
+    within[some] = shapely.contains_properly(area, boxes[some])
+    rest = some & ~within
+    unclear[rest] = shapely.intersects(area, boxes[rest])
     spread = np.ix_(np.arange(m) // BLOCK, np.arange(n) // BLOCK)
-    found, some = inside[spread], unclear[spread]
-    found[some] = shapely.contains_xy(area, points[some])
+    found, open_ = within[spread] & asked, unclear[spread] & asked
+    found[open_] = shapely.contains_xy(area, points[open_])
     return np.asarray(found)
