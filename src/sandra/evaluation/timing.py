@@ -19,7 +19,7 @@ from sandra.certify import Basis, Proven, certify
 from sandra.describe import describe
 from sandra.prediction import predict
 from sandra.rankers import as_ranker
-from sandra.reach import Status, ground, verify_pair
+from sandra.reach import Status, ground, verify_on
 from sandra.scene.types import Scene
 from sandra.settings import Settings
 
@@ -135,7 +135,7 @@ def time_decision(
             base = ground(scene, predicted, settings)
         rest = [p for p in ALL_PAIRS if p not in ranked] if all_pairs else []
         with watch.stage("verify"):
-            verdicts = [verify_pair(base, pair, rules) for pair in (*ranked, *rest)]
+            verdicts = verify_on(base, (*ranked, *rest), rules).verdicts
         with watch.stage("fail-safe prediction"):
             basis = Basis.of(base)
         pairs, certified = len(verdicts), None
