@@ -16,7 +16,7 @@ from sandra.planning.limits import slip
 from sandra.planning.single_track import HEADING, SPEED, STEERING
 from sandra.prediction.geometry import extent, stack
 from sandra.prediction.types import Prediction
-from sandra.scene.types import Ego, Scene
+from sandra.scene.types import Ego, Region, Scene
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -79,25 +79,26 @@ class Occupied:
     @staticmethod
     def of(prediction: Prediction) -> Occupied:
         """Prepare a prediction."""
-        owned = [
-            [
-                (region, index)
-                for index, obstacle in enumerate(prediction.obstacles)
-                for region in obstacle.between[k]
-            ]
-            for k in range(prediction.horizon)
-        ]
-        everything = [region for step in owned for region, _ in step]
-        owner = np.array([index for step in owned for _, index in step], dtype=int)
-        vertices = stack([region.vertices for region in everything])
-        radius = np.array([region.radius for region in everything], dtype=float)
+        every: list[Region] = []
+        counts: list[int] = []
+        for k in range(prediction.horizon):
+            for obstacle in prediction.obstacles:
+                every += obstacle.between[k]
+                counts.append(len(obstacle.between[k]))
+        number = len(prediction.obstacles)
+        owner = np.repeat(
+            np.tile(np.arange(number), prediction.horizon), np.array(counts, dtype=int)
+        )
+        vertices = stack([region.vertices for region in every])
+        radius = np.array([region.radius for region in every], dtype=float)
         low, high = extent(vertices)
         middle = (low + high) / 2
         reach = radius.copy()
         for column in range(vertices.shape[1]):
             away = vertices[:, column] - middle
             np.maximum(reach, np.sqrt(away[:, 0] ** 2 + away[:, 1] ** 2) + radius, out=reach)
-        first = np.cumsum([0, *(len(step) for step in owned)])
+        per_step = np.reshape(np.array(counts, dtype=int), (prediction.horizon, number))
+        first = np.append(0, np.cumsum(per_step.sum(axis=1)))
         return Occupied(prediction.dt, vertices, radius, middle, reach, first, owner)
 
     @property
