@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sandra.reach.lattice import Lattice, Mask
-from sandra.scene.types import Scene
+from sandra.scene.types import Scene, areas
 
 Array = NDArray[np.float64]
 
@@ -61,7 +61,7 @@ def off_road(scene: Scene, lattice: Lattice) -> Mask:
     # Half a cell's diagonal, stretched by curvature, goes to the ego: only sure crossings count.
     stretch = 1.0 + float(np.abs(scene.frame.curvature(s)).max()) * float(np.abs(d).max())
     slack = float(np.hypot(lattice.ds * stretch, lattice.dd) / 2)
-    several = np.array([lanelet.area() for lanelet in scene.lanelets])
+    several = np.array(areas(scene.lanelets))
     # What is farther from all centres than the road is shrunk or widened is no matter.
     around = scene.ego.width / 2 + slack + 1.0
     sides = centers[:, [0, -1]].reshape(-1, 2)
