@@ -7,7 +7,7 @@ import hashlib
 import logging
 import sys
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from enum import Enum
 from pathlib import Path
@@ -20,6 +20,7 @@ import shapely
 import sandra
 from sandra.certify import Basis, certify
 from sandra.logic.translation import _translate
+from sandra.planning.prepared import Prepared
 from sandra.rankers import create
 from sandra.reach import ground, verify_pair
 from sandra.reach.moves import moves_of
@@ -37,7 +38,8 @@ JOBS: tuple[tuple[str, dict[str, Any]], ...] = (
 )
 """Different scenes and settings, and the same scene under different ones."""
 PLAIN = (str, int, float, bytes, Path)
-TIMES = {"duration_s", "durations_s"}
+LEFT_OUT = {"duration_s", "durations_s", "answers"}
+"""Times, and what a ground remembers of questions that others have asked."""
 
 
 def digest(thing: Any) -> str:
@@ -52,11 +54,13 @@ def _parts(thing: Any, above: set[int]) -> Iterator[bytes]:
     assert id(thing) not in above
     if isinstance(thing, np.ndarray):
         yield f"{thing.dtype}{thing.shape}".encode() + np.ascontiguousarray(thing).tobytes()
+    elif isinstance(thing, Prepared):
+        yield thing._geometry.wkb
     elif isinstance(thing, shapely.Geometry):
         yield thing.wkb
     elif isinstance(thing, Enum) or thing is None or isinstance(thing, PLAIN):
         yield repr(thing).encode() + b";"
-    elif isinstance(thing, list | tuple):
+    elif isinstance(thing, Sequence):
         for each in thing:
             yield from _parts(each, above | {id(thing)})
     elif isinstance(thing, set | frozenset):
@@ -68,7 +72,7 @@ def _parts(thing: Any, above: set[int]) -> Iterator[bytes]:
     elif dataclasses.is_dataclass(thing):
         yield type(thing).__name__.encode()
         for field in dataclasses.fields(thing):
-            if field.name not in TIMES:
+            if field.name not in LEFT_OUT:
                 yield from _parts(getattr(thing, field.name), above | {id(thing)})
     elif isinstance(thing, np.generic):
         yield thing.tobytes()

@@ -17,7 +17,7 @@ from sandra.planning.prepared import Prepared
 from sandra.planning.single_track import HEADING, SPEED, STEERING
 from sandra.prediction.geometry import extent, stack
 from sandra.prediction.types import Prediction
-from sandra.scene.types import Ego, Scene
+from sandra.scene.types import Ego, Region, Scene
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -82,25 +82,26 @@ class Occupied:
     @staticmethod
     def of(prediction: Prediction) -> Occupied:
         """Prepare a prediction."""
-        owned = [
-            [
-                (region, index)
-                for index, obstacle in enumerate(prediction.obstacles)
-                for region in obstacle.between[k]
-            ]
-            for k in range(prediction.horizon)
-        ]
-        everything = [region for step in owned for region, _ in step]
-        owner = np.array([index for step in owned for _, index in step], dtype=int)
-        vertices = stack([region.vertices for region in everything])
-        radius = np.array([region.radius for region in everything], dtype=float)
+        every: list[Region] = []
+        counts: list[int] = []
+        for k in range(prediction.horizon):
+            for obstacle in prediction.obstacles:
+                every += obstacle.between[k]
+                counts.append(len(obstacle.between[k]))
+        number = len(prediction.obstacles)
+        owner = np.repeat(
+            np.tile(np.arange(number), prediction.horizon), np.array(counts, dtype=int)
+        )
+        vertices = stack([region.vertices for region in every])
+        radius = np.array([region.radius for region in every], dtype=float)
         low, high = extent(vertices)
         middle = (low + high) / 2
         reach = radius.copy()
         for column in range(vertices.shape[1]):
             away = vertices[:, column] - middle
             np.maximum(reach, np.sqrt(away[:, 0] ** 2 + away[:, 1] ** 2) + radius, out=reach)
-        first = np.cumsum([0, *(len(step) for step in owned)])
+        per_step = np.reshape(np.array(counts, dtype=int), (prediction.horizon, number))
+        first = np.append(0, np.cumsum(per_step.sum(axis=1)))
         return Occupied(prediction.dt, vertices, radius, middle, reach, first, owner)
 
     @property
@@ -177,12 +178,21 @@ class Occupied:
         near = [(np.zeros(0, dtype=int),) * 3]
         for k in np.unique(interval).tolist():
             steps = np.flatnonzero(interval == k)
-            part = slice(int(self.first[k]), int(self.first[k + 1]))
-            offset = centre[:, steps, None, :] - self.middle[part]
-            distance2 = (offset**2).sum(axis=-1)
-            close = distance2 < (around[:, steps, None] + self.reach[part]) ** 2
+            part = np.arange(self.first[k], self.first[k + 1])
+            here, wide = centre[:, steps], around[:, steps]
+            # First those that are near to a box around all the bodies.
+            reach = (self.reach[part] + wide.max(initial=0.0))[:, None]
+            low = here.reshape(-1, 2).min(axis=0, initial=np.inf)
+            high = here.reshape(-1, 2).max(axis=0, initial=-np.inf)
+            part = part[
+                ((self.middle[part] >= low - reach) & (self.middle[part] <= high + reach)).all(
+                    axis=1
+                )
+            ]
+            x, y = (here[..., None, i] - self.middle[part, i] for i in (0, 1))
+            close = x**2 + y**2 < (wide[..., None] + self.reach[part]) ** 2
             row, step, region = np.nonzero(close)
-            near.append((row, steps[step], region + part.start))
+            near.append((row, steps[step], part[region]))
         row, step, region = (np.concatenate(x) for x in zip(*near, strict=True))
         body = corners(states, ego)
         hull = np.concatenate([body[row, step], body[row, step + 1]], axis=1)
@@ -212,7 +222,8 @@ def separation(hulls: Array, polygons: Array) -> Array:
         axis=1,
     )
     normals = np.stack([-edges[..., 1], edges[..., 0]], axis=-1)
-    middle = (polygons.min(axis=1) + polygons.max(axis=1)) / 2
+    low, high = extent(polygons)
+    middle = (low + high) / 2
     axes = np.concatenate(
         [
             normals,
@@ -221,13 +232,22 @@ def separation(hulls: Array, polygons: Array) -> Array:
         ],
         axis=1,
     )
-    size = np.linalg.norm(axes, axis=2, keepdims=True)
-    axes = axes / np.maximum(size, SHORTEST_AXIS)
-    ours = axes @ np.swapaxes(hulls, 1, 2)
-    theirs = axes @ np.swapaxes(polygons, 1, 2)
-    gap = np.maximum(theirs.min(axis=2) - ours.max(axis=2), ours.min(axis=2) - theirs.max(axis=2))
+    size = np.sqrt(axes[..., 0] ** 2 + axes[..., 1] ** 2)
+    axes = axes / np.maximum(size, SHORTEST_AXIS)[..., None]
+    ours = _range(axes @ np.swapaxes(hulls, 1, 2))
+    theirs = _range(axes @ np.swapaxes(polygons, 1, 2))
+    gap = np.maximum(theirs[0] - ours[1], ours[0] - theirs[1])
     # Without length it is no direction, and separates nothing.
-    return np.asarray(np.where(size[..., 0] > SHORTEST_AXIS, gap, -np.inf).max(axis=1))
+    return np.asarray(np.where(size > SHORTEST_AXIS, gap, -np.inf).max(axis=1))
+
+
+def _range(values: Array) -> tuple[Array, Array]:
+    """Smallest and largest of the last axis, one after another: it is short."""
+    low, high = values[..., 0].copy(), values[..., 0].copy()
+    for i in range(1, values.shape[-1]):
+        np.minimum(low, values[..., i], out=low)
+        np.maximum(high, values[..., i], out=high)
+    return low, high
 
 
 def _nearest(rectangles: Array, points: Array) -> Array:

@@ -44,6 +44,7 @@ from sandra.prediction.motion import (
 )
 from sandra.prediction.observed import (
     NOTHING,
+    along_lane,
     check_assumptions,
     is_fixed,
     motion_bounds,
@@ -92,7 +93,12 @@ def predict_sets(
     """
     check_assumptions(settings.assumptions)
     lane_map = build_map(scene.lanelets, _reach(scene, horizon, settings) + 1.0)
-    plans = [_plan(scene, each, lane_map, horizon, settings, near) for each in likely]
+    states = (scene.ego.state, *(_first_seen(each.obstacle)[1] for each in likely))
+    s_ego, *s = along_lane(scene, np.array([(x.x, x.y) for x in states])).tolist()
+    plans = [
+        _plan(scene, each, lane_map, horizon, settings, near, (s_ego, s_other))
+        for each, s_other in zip(likely, s, strict=True)
+    ]
     lane = next((lane for lane in scene.lanes if lane.relation == "current"), None)
     scope = Scope(
         scene.dt,
@@ -164,6 +170,7 @@ def _plan(
     horizon: int,
     settings: Settings,
     near: float,
+    s: tuple[float, float],
 ) -> _Plan | PredictedObstacle | None:
     """None for what does not move; the prediction itself for what stays far away."""
     obstacle = likely.obstacle
@@ -177,7 +184,7 @@ def _plan(
             return far
     now = obstacle.outline.placed(state.x, state.y, state.heading)
     seen = observe(obstacle, state, lane_map, settings.assumptions)
-    law = towards_ego(scene, obstacle, state, seen, settings) if first == 0 else NOTHING
+    law = towards_ego(scene, obstacle, state, seen, settings, s) if first == 0 else NOTHING
     normals = directions(POSITION_DIRECTIONS, state.heading)
     times: Array = scene.dt * np.arange(horizon + 1, dtype=np.float64)
     offsets = position_offsets(state, seen.bounds, times, normals)

@@ -64,15 +64,37 @@ Limit = tuple[float, float, float | None, float | None]
 
 
 def band(frame: Frame, lattice: Lattice, left: Array, right: Array, radius: float) -> Band:
-    """A lane's borders along the lattice's columns, for a body within `radius` [m] of its centre.
+    """The band of one lane with these borders, see `bands`."""
+    return bands(frame, lattice, [(left, right)], radius)[0]
+
+
+def bands(
+    frame: Frame, lattice: Lattice, borders: Sequence[tuple[Array, Array]], radius: float
+) -> list[Band]:
+    """Lanes along the lattice's columns, for a body within `radius` [m] of its centre.
+
+    Args:
+        borders: (left, right) of each lane.
 
     The body reaches beyond its own column, and a border need not be parallel to the frame: the
     outer bounds are those of all columns within reach. Borders are read every `BORDER_STEP`;
     where they are not functions of s (a lanelet that crosses), the highest and lowest d count.
     """
+    several = []
+    for left, right in borders:
+        several += [right, left, *(np.array([right[i], left[i]]) for i in (0, -1))]
+    projected = _projected(frame, lattice, several, radius)
+    return [
+        _band(frame, lattice, projected[i : i + 4], radius) for i in range(0, len(projected), 4)
+    ]
+
+
+def _band(
+    frame: Frame, lattice: Lattice, ring: Sequence[tuple[Array, Array]], radius: float
+) -> Band:
+    """The band of a lane whose `ring` are its right and left border and both its ends."""
     lines = lattice.corners()[0]
-    ends = [np.array([right[i], left[i]]) for i in (0, -1)]
-    on_right, on_left, *others = _projected(frame, lattice, [right, left, *ends], radius)
+    on_right, on_left, *others = ring
     (right_low, right_high), (left_low, left_high), *more = (
         _per_column(*each, lines) for each in (on_right, on_left, *others)
     )
@@ -160,21 +182,27 @@ def _projected(
     sides = frame.to_cartesian(sides.reshape(-1, 2))
     middle = (sides.min(axis=0) + sides.max(axis=0)) / 2
     farthest = float(np.hypot(*(sides - middle).T).max()) + radius + BEYOND
-    lines, joined = zip(*(_dense(line, middle, farthest) for line in several), strict=True)
-    every = frame.to_curvilinear(np.concatenate(lines))
-    parts = np.split(every, np.cumsum([len(line) for line in lines])[:-1])
-    return [(x[:-1][both], x[1:][both]) for x, both in zip(parts, joined, strict=True)]
+    points, joined, line = _dense(several, middle, farthest)
+    every = frame.to_curvilinear(points)
+    pieces = [joined & (line[:-1] == number) for number in range(len(several))]
+    return [(every[:-1][mine], every[1:][mine]) for mine in pieces]
 
 
-def _dense(line: Array, middle: Array, farthest: float) -> tuple[Array, NDArray[np.bool_]]:
-    """(m, 2) points of a polyline at most `BORDER_STEP` apart, and (m - 1,) which are neighbours.
+def _dense(
+    several: Sequence[Array], middle: Array, farthest: float
+) -> tuple[Array, NDArray[np.bool_], NDArray[np.int_]]:
+    """(m, 2) points of polylines at most `BORDER_STEP` apart.
 
-    Only of the edges that come as near to `middle` as `farthest`.
+    Only of the edges that come as near to `middle` as `farthest`. Also which neighbours belong
+    together (m - 1,), and the number of each point's polyline (m,).
     """
-    edge = np.diff(line, axis=0)
+    corners = np.concatenate(several)
+    owner = np.repeat(np.arange(len(several)), [len(line) for line in several])
+    edge = np.diff(corners, axis=0)
     lengths = np.hypot(edge[:, 0], edge[:, 1])
-    away = np.hypot(*(line - middle).T)
-    near = np.flatnonzero(np.minimum(away[:-1], away[1:]) - lengths <= farthest)
+    away = np.hypot(*(corners - middle).T)
+    comes_near = np.minimum(away[:-1], away[1:]) - lengths <= farthest
+    near = np.flatnonzero(comes_near & (owner[:-1] == owner[1:]))
     counts = np.maximum(1, np.ceil(lengths[near] / BORDER_STEP).astype(int))
     # After the last of neighbouring edges comes its end.
     is_last = np.diff(near, append=-1) != 1
@@ -182,9 +210,9 @@ def _dense(line: Array, middle: Array, farthest: float) -> tuple[Array, NDArray[
     edge_of = np.repeat(np.arange(len(near)), size)
     number = np.arange(len(edge_of)) - (np.cumsum(size) - size)[edge_of]
     index = number / counts[edge_of] + near[edge_of]
-    at = np.arange(len(line))
-    points = np.column_stack([np.interp(index, at, line[:, i]) for i in (0, 1)])
-    return points, (number < counts[edge_of])[:-1]
+    at = np.arange(len(corners))
+    points = np.column_stack([np.interp(index, at, corners[:, i]) for i in (0, 1)])
+    return points, (number < counts[edge_of])[:-1], owner[near[edge_of]]
 
 
 def _per_column(start: Array, end: Array, lines: Array) -> tuple[Array, Array]:

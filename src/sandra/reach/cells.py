@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sandra.reach.lattice import Lattice, Mask
-from sandra.scene.types import Scene
+from sandra.scene.types import Scene, areas
 
 Array = NDArray[np.float64]
 
@@ -70,7 +70,7 @@ def off_road(scene: Scene, lattice: Lattice, corners: Array, bulges: Array) -> M
         away = corner - centers
         np.maximum(slack, away[..., 0] ** 2 + away[..., 1] ** 2, out=slack)
     slack = np.sqrt(slack) + bulges[:, None]
-    several = np.array([lanelet.area() for lanelet in scene.lanelets])
+    several = np.array(areas(scene.lanelets))
     # What is farther from all centres than the road is shrunk or widened is no matter.
     around = scene.ego.width / 2 + float(slack.max()) + 1.0
     sides = centers[:, [0, -1]].reshape(-1, 2)

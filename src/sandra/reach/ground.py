@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from sandra.errors import SettingsError
 from sandra.logic import Atom
 from sandra.prediction.types import Prediction
-from sandra.reach.bands import Band, Leader, Limit, band, leaders, limits
+from sandra.reach.bands import Band, Leader, Limit, bands, leaders, limits
 from sandra.reach.cells import bulge, grid, off_road
 from sandra.reach.initial import initial_set, lattice_of
 from sandra.reach.later import Later
@@ -100,9 +100,7 @@ def ground(scene: Scene, prediction: Prediction, settings: Settings) -> Ground:
     radius = hypot(scene.ego.length, scene.ego.width) / 2
     known = ("current", "left", "right", "opposite")
     lanes = tuple(lane for lane in scene.lanes if lane.relation in known)
-    bands = tuple(
-        (lane.relation, band(scene.frame, lattice, lane.left, lane.right, radius)) for lane in lanes
-    )
+    of_lanes = bands(scene.frame, lattice, [(x.left, x.right) for x in lanes], radius)
     return Ground(
         scene,
         prediction,
@@ -114,7 +112,7 @@ def ground(scene: Scene, prediction: Prediction, settings: Settings) -> Ground:
         beyond_road,
         occupied,
         union(beyond_road, occupied, prediction.horizon),
-        bands,
+        tuple((lane.relation, each) for lane, each in zip(lanes, of_lanes, strict=True)),
         Later(lambda: leaders(scene, prediction, settings, lanes)),
         limits(scene, tuple(x for x in (scene.current, scene.left, scene.right) if x)),
     )

@@ -7,6 +7,7 @@ Angles in rad (counter-clockwise), lengths in m, time in s. `d > 0` is to the le
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -154,11 +155,22 @@ class Lanelet:
 
     def area(self) -> Any:
         """The lanelet as a valid shapely geometry, also where its borders cross; made once."""
-        import shapely
+        return areas([self])[0]
 
-        if self._area is None:
-            object.__setattr__(self, "_area", shapely.Polygon(self.outline).buffer(0))
-        return self._area
+
+def areas(lanelets: Sequence[Lanelet]) -> list[Any]:
+    """The area of each, see `Lanelet.area`; all that are not yet known are made at once."""
+    import shapely
+
+    new = [lanelet for lanelet in lanelets if lanelet._area is None]
+    if new:
+        outlines = [lanelet.outline for lanelet in new]
+        owner = np.repeat(np.arange(len(new)), [len(outline) for outline in outlines])
+        rings = shapely.linearrings(np.concatenate(outlines), indices=owner)
+        made = shapely.buffer(shapely.polygons(rings), 0.0)
+        for lanelet, area in zip(new, made.tolist(), strict=True):
+            object.__setattr__(lanelet, "_area", area)
+    return [lanelet._area for lanelet in lanelets]
 
 
 @dataclass(frozen=True, slots=True)
