@@ -345,13 +345,13 @@ def test_without_the_peers_packages_its_last_words_are_told() -> None:
 
 
 def test_medians_are_over_the_timed_rows() -> None:
-    ours = Ours(0.001, 0.01, 0.002, 0.003, 0.02, (1.0,), 4)
+    ours = Ours(0.001, 0.03, 0.01, 0.002, 0.003, 0.02, (1.0,), 4)
     rows = [
         Row("a", 15, 0.1, 3, "p", 2, ours, Peers(0.001, 0.02, 0.04, (1.0,), 5)),
         Row("b", 15, 0.1, 3, "p", 2, ours, Peers(0.001, 0.04, 0.08, (1.0,), 5)),
         Row("c", 25, 0.1, 3, "p", 2, replace(ours, free=0.001), refused="why"),
     ]
-    report = Report(tuple(rows), {})
+    report = Report(tuple(rows), {}, "native")
     expected = {"free": 30.0, "every": 3.0, "prepare": 3.0}
     assert report.medians() == pytest.approx(expected)
     assert report.medians(25) == {}

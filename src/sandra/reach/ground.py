@@ -20,10 +20,11 @@ from sandra.reach.bands import Band, Leader, Limit, bands, leaders, limits
 from sandra.reach.cells import bulge, grid, off_road
 from sandra.reach.initial import initial_set, lattice_of
 from sandra.reach.later import Later
-from sandra.reach.lattice import Lattice, Mask
+from sandra.reach.lattice import Lattice, Mask, Masks
 from sandra.reach.polygon import Polygon
 from sandra.reach.problem import Answer
-from sandra.reach.windows import Window, union, windows
+from sandra.reach.twin import copy_ahead
+from sandra.reach.windows import Window, Windows, union, windows
 from sandra.scene.types import Scene
 from sandra.settings import Settings
 
@@ -90,12 +91,9 @@ def ground(scene: Scene, prediction: Prediction, settings: Settings) -> Ground:
         )
     lon, lat = initial_set(scene, settings)
     lattice = lattice_of(scene, prediction.horizon, lon, lat, settings)
-    s_lines, d_lines = lattice.corners()
-    corners, bulges = grid(scene, s_lines, d_lines), bulge(scene, lattice)
-    beyond_road = off_road(scene, lattice, corners, bulges)
-    occupied = windows(prediction, corners, scene.ego.width / 2 - bulges)
+    beyond_road, occupied, forbidden = forbidden_cells(scene, prediction, lattice)
     samples = np.linspace(0.0, 1.0, 5)
-    kappa = scene.frame.curvature((s_lines[:-1, None] + lattice.ds * samples).ravel())
+    kappa = scene.frame.curvature((lattice.corners()[0][:-1, None] + lattice.ds * samples).ravel())
     kappa = kappa.reshape(lattice.columns, samples.size)
     radius = hypot(scene.ego.length, scene.ego.width) / 2
     known = ("current", "left", "right", "opposite")
@@ -111,8 +109,20 @@ def ground(scene: Scene, prediction: Prediction, settings: Settings) -> Ground:
         (kappa.min(axis=1), kappa.max(axis=1)),
         beyond_road,
         occupied,
-        union(beyond_road, occupied, prediction.horizon),
+        forbidden,
         tuple((lane.relation, each) for lane, each in zip(lanes, of_lanes, strict=True)),
         Later(lambda: leaders(scene, prediction, settings, lanes)),
         limits(scene, tuple(x for x in (scene.current, scene.left, scene.right) if x)),
     )
+
+
+def forbidden_cells(
+    scene: Scene, prediction: Prediction, lattice: Lattice
+) -> tuple[Mask, tuple[Windows, ...], Masks]:
+    """The cells off the road, those that each obstacle forbids, and all of them at each step."""
+    corners, bulges = grid(scene, *lattice.corners()), bulge(scene, lattice)
+    beyond_road = off_road(scene, lattice, corners, bulges)
+    occupied = windows(prediction, corners, scene.ego.width / 2 - bulges)
+    forbidden = union(beyond_road, occupied, prediction.horizon)
+    copy_ahead(lattice, forbidden)
+    return beyond_road, occupied, forbidden

@@ -17,7 +17,7 @@ from sandra.errors import SettingsError
 from sandra.reach import kernel
 from sandra.reach.answers import Fixed, SafeDistance, Touching
 from sandra.reach.bands import Band
-from sandra.reach.lattice import Copied, Lattice, Mask, packed
+from sandra.reach.lattice import Copied, Lattice, Mask, Masks, packed
 from sandra.reach.moves import Move, Moves
 from sandra.reach.problem import Answer, Problem, Region, alike
 from sandra.reach.sets import BaseSet, ReachableSet
@@ -69,6 +69,12 @@ def chosen() -> str:
             f"is a C++ compiler, or set {VARIABLE}=python"
         )
     return name or ("python" if native is None else "native")
+
+
+def copy_ahead(lattice: Lattice, forbidden: Masks) -> None:
+    """Let the native kernel take its copy of masks now, if it is the one that will be asked."""
+    if chosen() == "native":
+        _copied(forbidden, partial(_field, lattice))
 
 
 def _computed(problems: list[Problem]) -> list[ReachableSet]:

@@ -15,7 +15,7 @@ from sandra.evaluation.reach_bench.hand_over import beyond_the_road, forbidden_b
 from sandra.evaluation.reach_bench.ours import OurTimes, free_set, prepare, time_ours
 from sandra.evaluation.reach_bench.peer import Peer, PeerError
 from sandra.evaluation.reach_bench.rows import Checks, Ours, Peers, Report, Row
-from sandra.reach import Ground, ReachableSet
+from sandra.reach import Ground, ReachableSet, twin
 from sandra.scene import load
 from sandra.scene.types import Scene
 from sandra.settings import Settings
@@ -69,7 +69,7 @@ def bench_reach(
     finally:
         if peer is not None:
             peer.close()
-    return Report(tuple(rows), versions)
+    return Report(tuple(rows), versions, twin.chosen())
 
 
 def _tell(progress: Callable[[str], None], where: str, text: str) -> None:
@@ -107,6 +107,7 @@ def _row(
     ours = Ours(
         predict=median(run.predict for run in times[1:]),
         ground=median(run.ground for run in times[1:]),
+        forbidden=median(run.forbidden for run in times[1:]),
         free=median(run.free for run in times[1:]),
         pair=median(run.pair for run in times[1:]),
         every=median(run.every for run in times[1:]),
