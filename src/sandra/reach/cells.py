@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 BLOCK = 8
 """So many columns and rows of cells are compared with the road at once."""
-ALIKE = 1.5
+ALIKE = 2.0
 """Cells whose sizes differ by no more than this factor count as equally large."""
 
 
@@ -118,9 +118,13 @@ def _contains(area: Any, points: Array, boxes: Any, asked: Mask) -> Mask:
     some = np.logical_or.reduceat(np.logical_or.reduceat(asked, ways[0]), ways[1], axis=1)
     within, unclear = np.zeros_like(some), np.zeros_like(some)
     within[some] = shapely.contains_properly(area, boxes[some])
-    rest = some & ~within
-    unclear[rest] = shapely.intersects(area, boxes[rest])
-    spread = np.ix_(np.arange(m) // BLOCK, np.arange(n) // BLOCK)
-    found, open_ = within[spread] & asked, unclear[spread] & asked
-    found[open_] = shapely.contains_xy(area, points[open_])
+    left = some & ~within
+    unclear[left] = shapely.intersects(area, boxes[left])
+    found, rest = _spread(within, m, n) & asked, _spread(unclear, m, n) & asked
+    found[rest] = shapely.contains_xy(area, points[rest])
     return np.asarray(found)
+
+
+def _spread(blocks: Mask, m: int, n: int) -> Mask:
+    """(m, n) what holds of the block that each cell is in."""
+    return np.repeat(np.repeat(blocks, BLOCK, axis=0), BLOCK, axis=1)[:m, :n]

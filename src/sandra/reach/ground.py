@@ -20,11 +20,11 @@ from sandra.reach.bands import Band, Leader, Limit, bands, leaders, limits
 from sandra.reach.cells import bulge, grid, off_road
 from sandra.reach.initial import initial_set, lattice_of
 from sandra.reach.later import Later
-from sandra.reach.lattice import Lattice, Mask, Masks
+from sandra.reach.lattice import Lattice, Mask
+from sandra.reach.occupied import occupied_by, united
 from sandra.reach.polygon import Polygon
 from sandra.reach.problem import Answer
-from sandra.reach.twin import copy_ahead
-from sandra.reach.windows import Window, Windows, union, windows
+from sandra.reach.windows import Windows
 from sandra.scene.types import Scene
 from sandra.settings import Settings
 
@@ -44,9 +44,9 @@ class Ground:
     curvature: tuple[Array, Array]
     """Lowest and highest curvature of the reference line in each column [1/m]."""
     off_road: Mask
-    by_obstacle: tuple[tuple[tuple[Window, ...], ...], ...]
+    by_obstacle: Sequence[Windows]
     """For each predicted obstacle and each step, its forbidden windows."""
-    forbidden: tuple[Mask, ...]
+    forbidden: Sequence[Mask]
     """Union of all causes at each step."""
     bands: tuple[tuple[str, Band], ...]
     """(relation, band) of the lanes that rules and actions speak of."""
@@ -62,10 +62,10 @@ class Ground:
         """Number of steps h."""
         return self.prediction.horizon
 
-    def forbidden_without(self, obstacle: int | None, road: bool = True) -> tuple[Mask, ...]:
+    def forbidden_without(self, obstacle: int | None, road: bool = True) -> Sequence[Mask]:
         """The union of all causes but one obstacle (its index) or, `road` False, the border."""
-        kept = [w for i, w in enumerate(self.by_obstacle) if i != obstacle]
-        return union(self.off_road if road else np.zeros_like(self.off_road), kept, self.horizon)
+        off_road = self.off_road if road else np.zeros_like(self.off_road)
+        return united(self.lattice, off_road, self.by_obstacle, self.horizon, without=obstacle)
 
     def obstacles_at(self, k: int, cells: Mask) -> list[int]:
         """Indices of the obstacles that forbid some of `cells` at step k, most cells first."""
@@ -118,11 +118,9 @@ def ground(scene: Scene, prediction: Prediction, settings: Settings) -> Ground:
 
 def forbidden_cells(
     scene: Scene, prediction: Prediction, lattice: Lattice
-) -> tuple[Mask, tuple[Windows, ...], Masks]:
+) -> tuple[Mask, Sequence[Windows], Sequence[Mask]]:
     """The cells off the road, those that each obstacle forbids, and all of them at each step."""
     corners, bulges = grid(scene, *lattice.corners()), bulge(scene, lattice)
     beyond_road = off_road(scene, lattice, corners, bulges)
-    occupied = windows(prediction, corners, scene.ego.width / 2 - bulges)
-    forbidden = union(beyond_road, occupied, prediction.horizon)
-    copy_ahead(lattice, forbidden)
-    return beyond_road, occupied, forbidden
+    occupied = occupied_by(prediction, corners, scene.ego.width / 2 - bulges)
+    return beyond_road, occupied, united(lattice, beyond_road, occupied, prediction.horizon)

@@ -43,22 +43,26 @@ def windows(prediction: Prediction, corners: Array, reach: Array) -> tuple[Windo
         reach: (columns,) how near a cell's corners must be to a region to forbid the cell [m].
             On a line between two columns the smaller one counts for both.
     """
-    # What does not move has the same region at every step.
-    regions = {
-        id(region): region
-        for obstacle in prediction.obstacles
-        for at in obstacle.at
-        for region in at
-    }
+    regions = distinct(prediction)
     found: dict[int, list[Window]] = {key: [] for key in regions}
     if regions:
         several = list(regions.values())
-        for number, window in _windows(several, _Lines.of(corners, reach)):
+        for number, window in _windows(several, Lines.of(corners, reach)):
             found[id(several[number])].append(window)
     return tuple(
         tuple(tuple(w for region in at for w in found[id(region)]) for at in obstacle.at)
         for obstacle in prediction.obstacles
     )
+
+
+def distinct(prediction: Prediction) -> dict[int, Region]:
+    """Each region once, by its identity: what does not move has the same one at every step."""
+    return {
+        id(region): region
+        for obstacle in prediction.obstacles
+        for at in obstacle.at
+        for region in at
+    }
 
 
 def union(off_road: Mask, occupied: Sequence[Windows], horizon: int) -> Masks:
@@ -75,7 +79,7 @@ def union(off_road: Mask, occupied: Sequence[Windows], horizon: int) -> Masks:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Lines:
+class Lines:
     """n lines across the road, on which the corners of the cells stand."""
 
     start: Array
@@ -89,12 +93,12 @@ class _Lines:
     rows: int
 
     @staticmethod
-    def of(corners: Array, reach: Array) -> _Lines:
+    def of(corners: Array, reach: Array) -> Lines:
         rows = corners.shape[1] - 1
         way = corners[:, -1] - corners[:, 0]
         length = np.hypot(way[:, 0], way[:, 1])
         per_line = np.minimum(np.append(reach, np.inf), np.append(np.inf, reach))
-        return _Lines(corners[:, 0], way / length[:, None], length / rows, per_line, rows)
+        return Lines(corners[:, 0], way / length[:, None], length / rows, per_line, rows)
 
     def near(self, middle: Array, radius: Array) -> tuple[Ints, Ints]:
         """Pairs of a disc and a line that may meet, the lines of each disc ascending.
@@ -122,7 +126,7 @@ class _Lines:
         return np.repeat(disc, BLOCK)[there], line[there]
 
 
-def _windows(regions: list[Region], lines: _Lines) -> list[tuple[int, Window]]:
+def _windows(regions: list[Region], lines: Lines) -> list[tuple[int, Window]]:
     """The windows of regions, with the region's number."""
     found: list[tuple[int, Window]] = []
     sizes = np.array([len(region.vertices) for region in regions])
@@ -152,7 +156,7 @@ def _batches(region: Ints) -> list[slice]:
     return [slice(a, b) for a, b in pairwise(ends)]
 
 
-def _intervals(corners: Array, radius: Array, lines: _Lines, line: Ints) -> tuple[Array, Array]:
+def _intervals(corners: Array, radius: Array, lines: Lines, line: Ints) -> tuple[Array, Array]:
     """(P,) where each line is within reach of its own convex region, as numbers of corners.
 
     The border of a widened polygon consists of arcs about its corners and of edges, moved

@@ -146,8 +146,8 @@ _NAMES = {"free": "free set", "every": "all twelve", "prepare": "preparation"}
 _HEAD = (
     f"{'process CPU [ms]':<34} | {'ours':^52} | {'peer':^23} | {'peer / ours':^17} | area\n"
     f"{'scenario':<28} {'h':>3}  |{'predict':>8}{'ground':>8}{'forbid':>8}{'free':>8}{'pair':>8}"
-    f"{'all 12':>8}{'sets':>6}|{'check':>8}{'free':>10}{'sets':>6} |{'free':>6}{'all 12':>7}{'fb.':>5} | "
-    "matched, finer"
+    f"{'all 12':>8}{'sets':>6}|{'check':>8}{'free':>10}{'sets':>6} |"
+    f"{'free':>6}{'all 12':>7}{'fb.':>5} | matched, finer"
 )
 
 
