@@ -28,6 +28,8 @@ GRID, SPLIT = 0.2, 0.7
 """The peer's default resolution: its grid, and the size below which it drops what collides [m]."""
 TOLERANCE = 1.25
 """Largest factor between the two areas of any step, at matched resolution."""
+FINER = 4
+"""Cells of the finer setting are so many times smaller, along and across."""
 
 
 def bench_reach(
@@ -198,7 +200,7 @@ def _checked(base: Ground, found: ReachableSet, peer: Peer, tolerance: float) ->
     matched = tuple(step["area"] for step in steps)
     check.check_alive([step["area"] for step in own], matched)
     areas = check.check_areas(_areas(found), matched, tolerance)
-    finer = base.settings.replace(cell_s=cell_s / 2, cell_d=cell_d / 2)
+    finer = base.settings.replace(cell_s=cell_s / FINER, cell_d=cell_d / FINER)
     fine = check.Areas.of(_areas(free_set(prepare(base.scene, finer))), matched)
     return Checks(share, matched, spent, areas.largest, areas.smallest, fine.largest)
 

@@ -49,7 +49,7 @@ class Checks:
         matched: areas of the peer's core per step on our cells, at our resolution [m^2].
         matched_time: what that took, once [s].
         largest, smallest: our area over the matched one, extremes over the steps.
-        finer: the largest such ratio for our set on cells of half the size.
+        finer: the largest such ratio for our set on cells of a quarter of the size, both ways.
     """
 
     obstacles: float
