@@ -336,3 +336,16 @@ def test_edges_that_just_may_come_near_are_read() -> None:
         assert joined.all()
         assert not line.any()
         assert len(_dense([way], np.zeros(2), 1.0 - 2.0**-40)[0]) == 0
+
+
+def test_borders_are_read_as_far_as_a_body_anywhere_in_the_lattice_reaches() -> None:
+    """From its outermost lines on either side, however coarse it is and however long the body."""
+    s = np.arange(5.0, 20.0)
+    for rows, height, radius, lane in ((1, 40.0, 0.75, 18.0), (40, 0.25, 20.0, 22.0)):
+        lattice = Lattice(10.0, -rows * height / 2, 0.5, height, 8, rows)
+        for sign in (-1.0, 1.0):
+            d = sorted((sign * lane, sign * (lane + 1.0)))
+            left, right = (np.column_stack([s, np.full_like(s, x)]) for x in d[::-1])
+            (found,) = band(FRAME, lattice, left, right, radius)
+            assert (found.s_low, found.s_high) == (10.0, 14.0)
+            assert (found.right_low, found.left_high) == (d[0] - BORDER_MARGIN, d[1] + BORDER_MARGIN)
