@@ -169,8 +169,8 @@ def _plan(
     lane_map: LaneMap,
     horizon: int,
     settings: Settings,
-    near: float,
-    s: tuple[float, float],
+    near: float = math.inf,
+    s: tuple[float, float] | None = None,
 ) -> _Plan | PredictedObstacle | None:
     """None for what does not move; the prediction itself for what stays far away."""
     obstacle = likely.obstacle
