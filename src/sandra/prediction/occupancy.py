@@ -168,10 +168,7 @@ def _overhang(table: LaneTable, vehicle: Vehicle, road: Mask, radius: float, mos
     """How far the body may stick out: as far as it does now, if that is farther [m]."""
     corners = vehicle.start_body.vertices
     middle, reach = corners.mean(axis=0), 3 * radius + 5.0
-    near = (table.map.low < middle + reach).all(axis=1) & (table.map.high > middle - reach).all(
-        axis=1
-    )
-    cells = np.flatnonzero(near & road)
+    cells = np.flatnonzero(table.map.near(middle - reach, middle + reach) & road)
     if not len(cells):
         return most
     out = distance(corners[:, None], table.cells[cells]).min(axis=1)
