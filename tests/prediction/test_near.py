@@ -5,53 +5,62 @@ import pytest
 
 from prediction.traffic import car, scene, straight_road
 from random_scenes import draw
+from sandra.errors import SettingsError
 from sandra.prediction import Prediction, predict
 from sandra.scene.types import Region, Scene, State
 
 HORIZON = 4
 
 
-def sets(now: Scene, near: float = np.inf) -> Prediction:
+def sets(now: Scene, near: np.ndarray | None = None) -> Prediction:
     return predict(now, "set-based", HORIZON, instants=False, near=near)
 
 
-def is_disc(region: Region) -> bool:
-    return len(region.vertices) == 1
+def is_disc(step: tuple[Region, ...]) -> bool:
+    return len(step) == 1 and len(step[0].vertices) == 1
 
 
 def test_who_may_come_near_is_predicted_as_before() -> None:
-    rough = exact = 0
+    rough = exact = both = 0
     for seed in range(120):
         now = draw(seed, most=6).scene
-        near = float(np.random.default_rng(seed).uniform(0.0, 20.0))
+        near = np.sort(np.random.default_rng(seed).uniform(0.0, 20.0, HORIZON))
         ego = np.array([now.ego.state.x, now.ego.state.y])
         for a, b in zip(sets(now).obstacles, sets(now, near).obstacles, strict=True):
-            if all(len(step) == 1 and is_disc(step[0]) for step in b.between):
-                rough += 1
-                for before, step in zip(a.between, b.between, strict=True):
+            kinds = [is_disc(step) for step in b.between]
+            rough, exact = rough + sum(kinds), exact + kinds.count(False)
+            both += len(set(kinds)) == 2
+            assert kinds == sorted(kinds, reverse=True), "once near, never far again"
+            if not all(kinds):
+                assert a.assumptions == b.assumptions
+            for k, (before, step) in enumerate(zip(a.between, b.between, strict=True)):
+                if kinds[k]:
                     (disc,) = step
-                    away = float(np.hypot(*(disc.vertices[0] - ego)))
-                    assert away - disc.radius > near
+                    assert float(np.hypot(*(disc.vertices[0] - ego))) - disc.radius > near[k]
                     for region in before:
                         # Half-planes in 16 directions stick out of a circle by 2 %.
                         reach = np.hypot(*(region.vertices - disc.vertices[0]).T).max()
                         assert reach + region.radius <= 1.02 * disc.radius + 1.0
-                continue
-            exact += 1
-            assert a.assumptions == b.assumptions
-            for before, step in zip((*a.at, *a.between), (*b.at, *b.between), strict=True):
+                    continue
                 assert [r.radius for r in before] == [r.radius for r in step]
                 for x, y in zip(before, step, strict=True):
                     # Up to rounding: they are computed in other batches.
                     assert x.vertices == pytest.approx(y.vertices, abs=1e-9)
-    assert min(rough, exact) > 20
+    assert min(rough, exact, both) > 20
+
+
+def test_distances_that_do_not_fit() -> None:
+    now = draw(0).scene
+    for near, instants in ((np.ones(3), False), (np.ones(HORIZON), True)):
+        with pytest.raises(SettingsError, match="one distance for each of 4 steps"):
+            predict(now, "set-based", HORIZON, instants=instants, near=near)
 
 
 @pytest.mark.parametrize("speed", [0.0, 15.0, 49.0])
 def test_a_disc_holds_the_hardest_driving_in_any_direction(speed: float) -> None:
     """12 m/s^2 up to 50 m/s, the body turned anyhow."""
     now = scene(straight_road(), (car(1, 500.0, 1.75, 0.0, speed),), State(0.0, 1.75, 0.0, 10.0))
-    (found,) = sets(now, 20.0).obstacles
+    (found,) = sets(now, np.full(HORIZON, 20.0)).obstacles
     rng = np.random.default_rng(0)
     for k, (disc,) in enumerate(found.between):
         time = (k + 1) * now.dt

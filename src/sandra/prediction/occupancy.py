@@ -84,7 +84,8 @@ def lane_occupancies(
     touched = touch(table, vehicles, radii)
     entries, relied_on = _followed(table, vehicles, touched, scope)
     rows = len(vehicles[0].offsets)
-    first_row = 1 if scope.instants else rows // 2 + 1
+    begin = 1 if scope.instants else rows // 2 + 1
+    first_row = np.array([begin + x.skipped for x in vehicles])
     pieces = Pieces.of(table, touched, entries, first_row)
     edges = _edges(table, vehicles, radii, touched, entries, pieces, scope, relied_on)
     found: list[list[list[Region]]] = [[[] for _ in range(rows)] for _ in vehicles]

@@ -39,6 +39,8 @@ class Vehicle:
     """(T, J) normal . p <= offset for all reachable positions p [m]; -inf beyond the horizon."""
     bodies: Array
     """(h + 1, W, 2) batch of bodies around the origin, growing with each step [m]."""
+    skipped: int = 0
+    """So many of the first intervals nobody asks for."""
 
 
 def bodies_of(vehicles: Sequence[Vehicle], vehicle: Ints, row: Ints) -> Array:
