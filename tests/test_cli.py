@@ -370,6 +370,18 @@ def test_import_and_help_are_quick() -> None:
     assert cpu_seconds("-m", "sandra.cli", "--help") < 0.7
 
 
+def test_a_first_decision_is_quick() -> None:
+    """Nothing is loaded that a decision does without; SciPy alone would cost half a second."""
+    heavy = "{'openai', 'matplotlib', 'scipy', 'google.protobuf'}"
+    code = (
+        "import sys, sandra; scene = sandra.load(sandra.example('intersection')); "
+        "assert sandra.decide(scene, ranker='rules').maneuver.kind == 'certified'; "
+        f"assert not {heavy} & set(sys.modules)"
+    )
+    assert run_python(code) == 0
+    assert cpu_seconds("-m", "sandra.cli", "decide", "intersection") < 1.5
+
+
 def run_python(code: str) -> int:
     return subprocess.run([sys.executable, "-c", code], check=False).returncode
 

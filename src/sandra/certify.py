@@ -97,7 +97,9 @@ class Basis:
         else:
             # Fail-safes and certificates only ask what is occupied during each step, and only
             # where the ego can come.
-            near = _farthest(scene, steps * scene.dt, settings) + WELL_CLEAR
+            near = np.array(
+                [_farthest(scene, (k + 1) * scene.dt, settings) + WELL_CLEAR for k in range(steps)]
+            )
             set_based = predict(scene, "set-based", steps, settings, instants=False, near=near)
         road = Road.of(scene, _farthest(scene, max(steps * scene.dt, last), settings) + WELL_CLEAR)
         return Basis(

@@ -50,7 +50,23 @@ def test_a_straight_lane_is_one_stretch_from_the_first_column_to_the_last() -> N
 
 def test_a_lane_that_passes_beside_the_lattice_has_no_stretch() -> None:
     assert straight(20.0, 50.0) == ()
-    assert straight(0.0, 9.0) == ()
+    assert straight(0.0, 8.0) == ()
+
+
+@pytest.mark.parametrize("beside", [0.25, 0.5, 0.7])
+def test_a_lane_that_ends_before_the_lattice_is_touched_from_within(beside: float) -> None:
+    """A body in the first columns reaches back to it, one in the last ones ahead to it."""
+    for found, low, high in (
+        (straight(0.0, 10.0 - beside), 10.0, 10.0 + RADIUS - beside),
+        (straight(14.0 + beside, 50.0), 14.0 - RADIUS + beside, 14.0),
+    ):
+        (touched,) = found
+        assert touched.s_low <= low
+        assert touched.s_high >= high
+        assert touched.s_high - touched.s_low <= RADIUS - beside + 1.0
+        assert touched.right_low == -1.75 - BORDER_MARGIN
+        assert touched.left_high == 1.75 + BORDER_MARGIN
+        assert touched.right_high == np.inf
 
 
 def test_a_lane_that_begins_and_ends_on_lines_of_the_lattice() -> None:

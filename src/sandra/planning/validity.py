@@ -34,6 +34,10 @@ SLIT = 0.05
 """Gaps of up to twice this between neighbouring lanelets are no border of the road [m]."""
 
 
+BATCH = 512
+"""Distances of so many bodies are measured at once: they stay in the cache."""
+
+
 def corners(states: Array, ego: Ego) -> Array:
     """(..., 4, 2) corners of the body, counter-clockwise, for states (..., 5)."""
     cosine, sine = np.cos(states[..., HEADING]), np.sin(states[..., HEADING])
@@ -211,6 +215,15 @@ def separation(hulls: Array, polygons: Array) -> Array:
     lower bound of the distance: the normals of both rectangles, of the lines between corresponding
     corners, of the polygon's edges, and the directions from the nearest point of each rectangle.
     """
+    found = np.empty(len(hulls))
+    for begin in range(0, len(hulls), BATCH):
+        part = slice(begin, begin + BATCH)
+        found[part] = _separation(hulls[part], polygons[part])
+    return found
+
+
+def _separation(hulls: Array, polygons: Array) -> Array:
+    """`separation` of so few that all fits into the cache."""
     front, back = hulls[:, 0:4], hulls[:, 4:8]
     edges = np.concatenate(
         [

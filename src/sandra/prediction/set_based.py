@@ -72,7 +72,7 @@ def predict_sets(
     horizon: int,
     settings: Settings,
     instants: bool = True,
-    near: float = math.inf,
+    near: Array | None = None,
 ) -> tuple[tuple[PredictedObstacle, ...], tuple[str, ...]]:
     """The set-based prediction of all others.
 
@@ -82,7 +82,7 @@ def predict_sets(
         horizon: number of steps h.
         settings: for the assumptions, and R_G1's safe distance in `legal_cut_in`.
         instants: whether tight regions at each t_k are wanted; else those of the step before.
-        near: those that cannot come as near to the ego's present position [m] get discs.
+        near: (h,) who cannot come as near to the ego's present position in a step gets a disc [m].
 
     Returns:
         The predictions, and notes in words.
@@ -157,10 +157,14 @@ def _occupancies(vehicles: list[Vehicle], lane_map: LaneMap, scope: Scope) -> It
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Plan:
-    """One participant that moves; it is first seen at step `first` (beyond the horizon: never)."""
+    """One participant that moves; it is first seen at step `first` (beyond the horizon: never).
+
+    `discs` are its regions as long as it is far away.
+    """
 
     first: int
     vehicle: Vehicle
+    discs: Regions
 
 
 def _plan(
@@ -169,19 +173,22 @@ def _plan(
     lane_map: LaneMap,
     horizon: int,
     settings: Settings,
-    near: float,
-    s: tuple[float, float],
+    near: Array | None = None,
+    s: tuple[float, float] | None = None,
 ) -> _Plan | PredictedObstacle | None:
     """None for what does not move; the prediction itself for what stays far away."""
     obstacle = likely.obstacle
     if is_fixed(obstacle):
         return None
     first, state = _first_seen(obstacle)
-    away = math.dist((state.x, state.y), (scene.ego.state.x, scene.ego.state.y))
-    if first == 0 and away > near:
-        far = _discs(likely, state, scene.dt, horizon, settings.assumptions)
-        if away > near + far.between[-1][0].radius:
-            return far
+    discs: Regions = ()
+    if near is not None and first == 0:
+        anywhere = _discs(likely, state, scene.dt, horizon, settings.assumptions)
+        away = math.dist((state.x, state.y), (scene.ego.state.x, scene.ego.state.y))
+        far = away > near + np.array([disc.radius for (disc,) in anywhere.between])
+        if far.all():
+            return anywhere
+        discs = anywhere.between[: int(far.argmin())]
     now = obstacle.outline.placed(state.x, state.y, state.heading)
     seen = observe(obstacle, state, lane_map, settings.assumptions)
     law = towards_ego(scene, obstacle, state, seen, settings, s) if first == 0 else NOTHING
@@ -194,7 +201,8 @@ def _plan(
     offsets[steps + 1 :], during[steps:] = -np.inf, -np.inf
     rows = np.concatenate([offsets, during])
     body = bodies(obstacle.outline, state.heading, heading_change(seen.bounds, times))
-    return _Plan(first, Vehicle(seen, law, obstacle.outline, now, normals, rows, body))
+    vehicle = Vehicle(seen, law, obstacle.outline, now, normals, rows, body, len(discs))
+    return _Plan(first, vehicle, discs)
 
 
 def _discs(
@@ -222,7 +230,7 @@ def _prediction(
     if first > horizon:
         return PredictedObstacle(obstacle, ((),) * (horizon + 1), ((),) * horizon, likely.states)
     steps = horizon - first
-    between = occupancy.rows[horizon + 1 : horizon + 1 + steps]
+    between = plan.discs + occupancy.rows[horizon + 1 + len(plan.discs) : horizon + 1 + steps]
     later = occupancy.rows[1 : steps + 1] if instants else between
     now: Regions = ((vehicle.start_body,),)
     absent: Regions = ((),) * first

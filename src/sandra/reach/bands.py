@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from math import inf
+from math import ceil, inf
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,8 @@ BORDER_MARGIN = 0.02
 """Added outwards for what lies between two such points [m]."""
 BORDER_MERGE = 0.1
 """Neighbouring stretches of a border are merged up to this difference [m]."""
+NARROWEST = 0.2
+"""On the inside of a bend a metre of body is taken for at most 1 / this metres of the lane."""
 BEYOND = 10.0
 """Borders are read so much further than a body in the lattice reaches [m]."""
 
@@ -95,20 +97,25 @@ def _band(
     """The band of a lane whose `ring` are its right and left border and both its ends."""
     lines = lattice.corners()[0]
     on_right, on_left, *others = ring
+    # A body in the first or last column touches what is behind or ahead of the lattice.
+    more_columns = ceil(radius / NARROWEST / lattice.ds)
+    beyond = lattice.ds * np.arange(1, more_columns + 1)
+    wide = np.concatenate([lines[0] - beyond[::-1], lines, lines[-1] + beyond])
+    own = slice(more_columns, more_columns + lattice.columns)
     (right_low, right_high), (left_low, left_high), *more = (
-        _per_column(*each, lines) for each in (on_right, on_left, *others)
+        _per_column(*each, wide) for each in (on_right, on_left, *others)
     )
     low, high = np.fmin(right_low, left_low), np.fmax(right_high, left_high)
     for lowest, highest in more:
         low, high = np.fmin(low, lowest), np.fmax(high, highest)
-    outer = _within_reach(low, high, frame, lattice, radius)
+    outer = [x[own] for x in _within_reach(low, high, frame, lattice, radius)]
     # On an opposite lane the left border is the one with the lower d. Columns in which the lane
     # begins or ends are not all in it.
     s = [np.concatenate(side)[:, 0] for side in (on_right, on_left)]
     start, end = max(x.min(initial=inf) for x in s), min(x.max(initial=-inf) for x in s)
     whole = (lines[:-1] >= start) & (lines[1:] <= end)
-    inner_low = np.where(whole, np.minimum(right_high, left_high), np.nan)
-    inner_high = np.where(whole, np.maximum(right_low, left_low), np.nan)
+    inner_low = np.where(whole, np.minimum(right_high, left_high)[own], np.nan)
+    inner_high = np.where(whole, np.maximum(right_low, left_low)[own], np.nan)
     bounds = np.column_stack(
         [
             outer[0] - BORDER_MARGIN,
@@ -158,7 +165,7 @@ def _within_reach(
     bend = float(np.abs(frame.curvature(lattice.corners()[0])).max())
     # On the inside of a bend a metre of body spans more than a metre of the reference line.
     shrunk = 1.0 - bend * np.nan_to_num(np.maximum(np.abs(low), np.abs(high)))
-    reach = np.ceil(radius / np.maximum(shrunk, 0.2) / lattice.ds).astype(int)
+    reach = np.ceil(radius / np.maximum(shrunk, NARROWEST) / lattice.ds).astype(int)
     down, up = np.nan_to_num(low, nan=inf), np.nan_to_num(high, nan=-inf)
     lowest, highest = down.copy(), up.copy()
     for away in range(1, min(int(reach.max()), len(low) - 1) + 1):

@@ -50,6 +50,12 @@ class Region:
         rotation = np.array([[c, s], [-s, c]])
         return Region(self.vertices @ rotation + np.array([x, y]), self.radius)
 
+    def vertices_at(self, poses: Array) -> Array:
+        """(m, n, 2) the vertices of `placed` for poses (m, 3) x, y, heading."""
+        c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+        rotation = np.stack([np.stack([c, s], axis=1), np.stack([-s, c], axis=1)], axis=1)
+        return np.asarray(self.vertices @ rotation + poses[:, None, :2])
+
 
 @dataclass(frozen=True, slots=True)
 class State:
