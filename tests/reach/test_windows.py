@@ -95,6 +95,16 @@ def test_a_cell_as_far_away_as_allowed_is_forbidden(
         assert not forbids(region, (at[0], at[1]), -radius - 1.0)
 
 
+def test_a_column_beside_a_region_just_within_reach_is_forbidden() -> None:
+    """Its lines are parallel to a side, and meet the border of what is within reach all along."""
+    car = Course().car(2, 20.0, 0.0)
+    predicted = PredictedObstacle(car, ((Region(SQUARE),),), (), np.full((1, 5), np.nan))
+    for away, expected in ((0.5, [[0, 4]]), (0.5 + 2.0**-40, [])):
+        corners = np.tile(np.column_stack([np.arange(5.0), np.full(5, -away)]), (2, 1, 1))
+        ((found,),) = windows(Prediction("made up", 0.1, 0, (predicted,)), corners, np.array([0.5]))
+        assert [[j0, j1] for *_, j0, j1, cells in found if cells.all()] == expected
+
+
 @pytest.mark.parametrize("outwards", [(-1, 0), (1, 0), (0, -1), (0, 1)])
 def test_discs_and_capsules_reach_as_far_in_every_direction(outwards: tuple[int, int]) -> None:
     disc = Region(np.array([[1.0, 2.0]]), 0.25)
@@ -116,6 +126,10 @@ def test_a_needle_counts_as_its_longest_side() -> None:
         assert forbids(region, (4.5, 0.0), 0.5)
         assert not forbids(region, (3.0, -0.75), 0.5)
         assert not forbids(region, (4.75, 0.0), 0.5)
+    # along it, with no reach at all
+    for line in (needle, Region(needle.vertices[::2].copy())):
+        assert forbids(line, (0.0, 0.0), 0.0)
+        assert not forbids(line, (0.0, 0.0), -0.25)
     assert forbids(needle, (3.0, 0.5), 0.5)
     assert not forbids(needle, (3.0, 0.75), 0.5)
 
