@@ -50,6 +50,17 @@ def test_a_doubled_point_of_the_map_does_no_harm() -> None:
     assert [x.hull.shape[1] for x in LaneTable.of(found).slices]
 
 
+@pytest.mark.parametrize(
+    ("ahead", "stretch"), [(0.0, 1.0), (3.5, np.sqrt(2.0)), (-3.5, np.sqrt(2.0)), (35.0, 5.0)]
+)
+def test_across_a_slanted_lanelet_it_is_further_but_five_times_at_most(
+    ahead: float, stretch: float
+) -> None:
+    """The left border begins and ends further ahead than the right one, 3.5 m beside it."""
+    slanted = lanelet(1, line(0.0, 0.0, 40.0), line(3.5, ahead, 40.0 + ahead))
+    assert build_map((slanted,), 0.0).strips[1].stretch == pytest.approx(stretch)
+
+
 def test_the_maps_own_cross_sections_are_known() -> None:
     """With and without a continuation beyond the end of the map."""
     for reach in (0.0, 30.0):
