@@ -84,29 +84,28 @@ def build(**options: Any) -> Certificate:
     return certificate(*given, **options)
 
 
-BUILT = build()
-
-
 def test_what_is_kept_of_a_decision() -> None:
-    assert BUILT.format == FORMAT == "sandra-certificate/1"
-    assert BUILT.scenario == SCENE.name
-    assert (BUILT.dt, BUILT.horizon, BUILT.t_dec) == (0.1, STEPS, 0.2)
+    built = build()
+    assert built.format == FORMAT == "sandra-certificate/1"
+    assert built.scenario == SCENE.name
+    assert (built.dt, built.horizon, built.t_dec) == (0.1, STEPS, 0.2)
     ego = SCENE.ego
-    assert BUILT.ego == Body(ego.id, ego.length, ego.width, 2.4)
-    assert BUILT.initial.tolist() == initial(SCENE)
-    assert (BUILT.pair, BUILT.rules, BUILT.settings) == (PAIR, RULES, SETTINGS)
-    assert BUILT.formula == str(SPECIFICATION.formula)
-    assert BUILT.parts == tuple((p.name, p.text) for p in SPECIFICATION.parts)
-    assert len(BUILT.parts) == 4
-    assert (BUILT.prediction, BUILT.set_based) == ("recorded", "set-based")
-    assert BUILT.notes == ("one", "two", "three")
-    assert np.array_equal(BUILT.reference, SCENE.frame.line)
-    assert (BUILT.vocabulary, BUILT.note) == (None, "")
+    assert built.ego == Body(ego.id, ego.length, ego.width, 2.4)
+    assert built.initial.tolist() == initial(SCENE)
+    assert (built.pair, built.rules, built.settings) == (PAIR, RULES, SETTINGS)
+    assert built.formula == str(SPECIFICATION.formula)
+    assert built.parts == tuple((p.name, p.text) for p in SPECIFICATION.parts)
+    assert len(built.parts) == 4
+    assert (built.prediction, built.set_based) == ("recorded", "set-based")
+    assert built.notes == ("one", "two", "three")
+    assert np.array_equal(built.reference, SCENE.frame.line)
+    assert (built.vocabulary, built.note) == (None, "")
     assert build(note="by hand").note == "by hand"
 
 
 def test_defaults_of_a_certificate() -> None:
-    lean = replace(BUILT)
+    built = build()
+    lean = replace(built)
     names = ("vocabulary", "note", "versions", "format")
     given = {name: getattr(lean, name) for name in lean.__slots__ if name not in names}
     bare = Certificate(**given)
@@ -115,29 +114,32 @@ def test_defaults_of_a_certificate() -> None:
 
 
 def test_lanes_and_the_lanelets_that_are_kept() -> None:
+    built = build()
     assert RELATIONS == ("current", "left", "right", "opposite")
-    assert BUILT.lanes == (
+    assert built.lanes == (
         LaneOf("current", (100,)),
         LaneOf("left", (101,)),
         LaneOf("opposite", (200,)),
     )
     # The formula speaks of 900, which is far; 300 is near; 901 is neither.
-    assert [x.id for x in BUILT.lanelets] == [100, 101, 200, 300, 900]
-    assert [x.id for x in BUILT.conflicts] == [300]
+    assert [x.id for x in built.lanelets] == [100, 101, 200, 300, 900]
+    assert [x.id for x in built.conflicts] == [300]
     by_id = {x.id: x for x in SCENE.lanelets}
-    for kept in (*BUILT.lanelets, *BUILT.conflicts):
+    for kept in (*built.lanelets, *built.conflicts):
         assert np.array_equal(kept.left, by_id[kept.id].left)
         assert np.array_equal(kept.right, by_id[kept.id].right)
 
 
 def test_signs_of_lanes_go_before_those_of_lanelets() -> None:
-    limits = {x.id: x.speed_limit for x in BUILT.lanelets}
+    built = build()
+    limits = {x.id: x.speed_limit for x in built.lanelets}
     assert limits == {100: 8.0, 101: None, 200: 30.0, 300: 30.0, 900: 90.0}
-    assert BUILT.conflicts[0].speed_limit == 30.0
+    assert built.conflicts[0].speed_limit == 30.0
 
 
 def test_both_predictions_of_each_participant() -> None:
-    first, second = BUILT.obstacles
+    built = build()
+    first, second = built.obstacles
     assert (first.id, first.kind, first.is_static) == (5, "pedestrian", False)
     assert (first.assumptions, first.dropped, first.basis) == (("runs",), (), ("as recorded",))
     assert (second.assumptions, second.dropped) == (("walks",), ("stays",))
@@ -163,9 +165,10 @@ def test_the_set_based_prediction_covers_the_fail_safe(steps: int, kept: int) ->
 
 
 def test_versions_of_what_made_it() -> None:
+    built = build()
     wanted = {name: metadata.version(name) for name in ("sandra", "numpy", "shapely")}
     assert dict(versions()) == {"python": platform.python_version(), **wanted}
-    assert BUILT.versions == versions()
+    assert built.versions == versions()
 
 
 def test_what_is_near() -> None:
