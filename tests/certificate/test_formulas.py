@@ -145,6 +145,19 @@ def test_a_line_that_turns_back_has_a_direction_all_the_same() -> None:
     assert found == pytest.approx(np.array([[1.0, 0.0], [0.0, 0.0], [-1.0, 0.0]]))
 
 
+@pytest.mark.parametrize("turn", [0.4, 1.9, 2.9, -0.5, -1.2, -2.6])
+def test_left_of_a_slanted_line_is_positive(turn: float) -> None:
+    cosine, sine = math.cos(turn), math.sin(turn)
+    along, left = np.array([cosine, sine]), np.array([-sine, cosine])
+    begin = np.array([3.0, -7.0])
+    line = Reference.of(np.array([begin, begin + 20.0 * along]))
+    places = np.array([(s, d) for s in (-6.0, 4.0, 30.0) for d in (-5.0, -0.25, 0.75, 6.0)])
+    points = begin + places[:, :1] * along + places[:, 1:] * left
+    assert line.along(points) == pytest.approx(places[:, 0])
+    assert line.across(points) == pytest.approx(places[:, 1])
+    assert line.direction(places[:, 0]) == pytest.approx(np.tile(along, (12, 1)))
+
+
 def test_the_line_goes_on_for_a_kilometre() -> None:
     points = np.array([[-1500.0, 0.0], [-999.0, 4.0], [10.0, 1009.0], [10.0, 1500.0]])
     assert CORNER.along(points) == pytest.approx([-1000.0, -999.0, 1019.0, 1020.0])
