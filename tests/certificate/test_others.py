@@ -194,6 +194,23 @@ def test_who_stands_is_looked_for_where_it_stands() -> None:
         assert shapely.centroid(each.body).coords[0] == pytest.approx((3.0, 4.0))
         assert each.body.area == pytest.approx(2.0)
     assert not _standing_still(alone(is_static=False))
+
+
+@pytest.mark.parametrize("is_static", [True, False])
+def test_who_is_seen_now_is_played_and_nobody_else(is_static: bool) -> None:
+    kind_of_play = _standing_still if is_static else _straight_on
+    now, later = np.tile([0.0, 0.0, 0.0, 4.0, 0.0], (2, 16, 1))
+    now[1:], later[0] = math.nan, math.nan
+    assert len(kind_of_play(alone(is_static=is_static, states=now))) == (7 if is_static else 21)
+    assert not kind_of_play(alone(is_static=is_static, states=later))
+    # Who is played where it is now does not depend on what comes later.
+    elsewhere = now.copy()
+    elsewhere[1:] = [300.0, 0.0, 2.0, -4.0, 0.0]
+    found = kind_of_play(alone(is_static=is_static, states=elsewhere))
+    assert shapely.bounds(found[0].body)[0] == pytest.approx(-1.0 if is_static else -0.66)
+
+
+def test_who_is_nowhere_is_not_looked_for() -> None:
     assert not _standing_still(alone(is_static=True, states=np.full((16, 5), math.nan)))
 
 
