@@ -32,6 +32,7 @@ from sandra.certificate.reading import (
     _participant,
     _pavement,
     _region,
+    _settings,
     _several,
     _texts_by_name,
     _trajectory,
@@ -172,6 +173,46 @@ def test_a_participant() -> None:
     assert (found.assumptions, found.dropped, found.basis) == (("a",), ("b", "c"), ("d",))
     assert len(found.likely) == 15
     assert len(found.possible) == 21
+
+
+NEEDED = [
+    "a_lon_min",
+    "a_lon_max",
+    "a_lat_max",
+    "v_max",
+    "steering_angle_max",
+    "steering_rate_max",
+    "a_lim",
+    "v_err",
+    "t_d",
+    "a_min",
+    "a_obs_min",
+    "cut_in_exception",
+    "t_c",
+    "a_abrupt",
+    "v_fov",
+    "v_braking",
+    "v_type",
+]
+
+
+def test_parameters_that_must_be_there() -> None:
+    written = json.loads(json.dumps(to_json(replace(BASE, obstacles=()))["settings"]))
+    for name in (*PARAMETERS, "assumptions"):
+        less = {key: value for key, value in written.items() if key != name}
+        if name in NEEDED or name == "assumptions":
+            with pytest.raises(CertificateError, match=f"^'settings' lacks '{name}'$"):
+                _settings(less)
+        else:
+            assert getattr(_settings(less), name) == getattr(Settings(), name)
+    assert _settings({**written, "t_d": 0.75, "horizon": 12}) == Settings(t_d=0.75, horizon=12)
+    assumed = {**written["assumptions"], "max_speed": 30}
+    loose = _settings({**written, "assumptions": assumed})
+    assert loose.assumptions == Assumptions(max_speed=30)
+    for name in names_of(Assumptions):
+        less = {key: value for key, value in assumed.items() if key != name}
+        with pytest.raises(CertificateError, match=f"^'assumptions' lacks '{name}'$"):
+            _settings({**written, "assumptions": less})
 
 
 def arrays(value: Any) -> list[np.ndarray]:
