@@ -13,7 +13,7 @@ help:  ## list the targets
 
 .venv: .venv/.installed  ## the virtual environment, from requirements.lock
 
-.venv/.installed: pyproject.toml requirements.lock
+.venv/.installed: pyproject.toml requirements.lock setup.py $(wildcard src/sandra/reach/native/*)
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || \
 	  { echo "make: $(PYTHON) is not Python 3.11 or newer; name one: make PYTHON=python3.12 ..." >&2; exit 2; }
 	$(PYTHON) -m venv .venv
@@ -91,4 +91,4 @@ lock:  ## resolve requirements.lock anew (needs uv)
 	  --output-file requirements.lock pyproject.toml
 
 clean:  ## remove the virtual environment, caches and pictures
-	rm -rf .venv .venv-mutation .venv-peer .venv-planner .mutation demo build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf .venv .venv-mutation .venv-peer .venv-planner .mutation demo build dist src/sandra/reach/_native.* .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache

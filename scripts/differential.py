@@ -4,7 +4,7 @@
 
 Prints the tables, and writes them to docs/differential.md with the command beside them; after an
 interrupt (Ctrl-C), those of the scenes that were done. Exit status 1 if an UNSAFE verdict is
-refuted.
+refuted, or a scene could not be compared.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from __future__ import annotations
 import argparse
 import sys
 from collections import Counter
-from collections.abc import Iterable, Iterator
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Iterable
+from contextlib import closing
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -21,6 +21,7 @@ sys.path.insert(0, str(ROOT / "tests"))
 
 from grid_compare import Outcome, Reached, timed  # noqa: E402
 from grid_world import Body  # noqa: E402
+from sandra.evaluation.workers import Broken, in_order  # noqa: E402
 from sandra.reach import Status  # noqa: E402
 
 SEEDS_APART = 100_000
@@ -77,14 +78,20 @@ def main() -> int:
     first = arguments.seed * SEEDS_APART
     seeds = range(first, first + arguments.scenes)
     outcomes: list[Outcome] = []
-    cpu, done = 0.0, 0
+    cpu, done, broken = 0.0, 0, 0
     try:
-        for answer, seconds in _compared(seeds, arguments.workers):
-            outcomes += answer
-            cpu, done = cpu + seconds, done + 1
-            for outcome in _refuted(answer):
-                print(f"\nREFUTED: {outcome}", file=sys.stderr)
-            print(f"\r{done} of {len(seeds)} scenes", end="", file=sys.stderr, flush=True)
+        with closing(in_order(timed, seeds, arguments.workers)) as answers:
+            for seed, found in zip(seeds, answers, strict=True):
+                if isinstance(found, Broken):
+                    broken += 1
+                    print(f"\nseed {seed}: {found.error}", file=sys.stderr)
+                    continue
+                answer, seconds = found
+                outcomes += answer
+                cpu, done = cpu + seconds, done + 1
+                for outcome in _refuted(answer):
+                    print(f"\nREFUTED: {outcome}", file=sys.stderr)
+                print(f"\r{done} of {len(seeds)} scenes", end="", file=sys.stderr, flush=True)
     except KeyboardInterrupt:
         print(f"\ninterrupted: the tables are those of {done} scenes", end="", file=sys.stderr)
     print(file=sys.stderr)
@@ -96,24 +103,18 @@ def main() -> int:
     print(page)
     if arguments.out:
         Path(arguments.out).write_text(page, encoding="utf-8")
-    return 1 if _refuted(outcomes) else 0
+    return 1 if broken or _refuted(outcomes) else 0
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--scenes", type=int, default=500, metavar="N")
     parser.add_argument("--seed", type=int, default=1, metavar="N")
-    parser.add_argument("--workers", type=int, default=1, metavar="N", help="processes")
+    parser.add_argument(
+        "--workers", type=int, default=1, metavar="N", help="processes; 0: all cores"
+    )
     parser.add_argument("--out", default=str(ROOT / "docs" / "differential.md"), metavar="FILE")
     return parser
-
-
-def _compared(seeds: Iterable[int], workers: int) -> Iterator[tuple[list[Outcome], float]]:
-    if workers == 1:
-        yield from map(timed, seeds)
-        return
-    with ProcessPoolExecutor(workers) as pool:
-        yield from pool.map(timed, seeds)
 
 
 def _refuted(outcomes: Iterable[Outcome]) -> list[Outcome]:

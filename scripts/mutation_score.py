@@ -162,6 +162,8 @@ def main() -> int:
     options = parser.parse_args()
     os.chdir(ROOT)
     sys.path.insert(0, str(ROOT / "src"))  # this project, wherever the environment is from
+    # The mutants are Python's: the native kernel would hide them from most tests.
+    os.environ["SANDRA_KERNEL"] = "python"
     STORE.mkdir(exist_ok=True)
     # Stopped by `kill`, it still keeps what it knows.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(2))

@@ -132,6 +132,17 @@ def test_decide_exits_0_also_when_the_fail_safe_is_chosen(
     assert all(v["reason"] for v in data["verdicts"])
 
 
+def test_modes(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["decide", SCENARIO, "--mode", "verify-first", "--json"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert data["mode"] == "verify-first"
+    assert len(data["verdicts"]) == 12
+    ranked = data["verdicts"][: len(data["ranking"])]
+    assert {v["status"] for v in ranked} == {"CERTIFIED"}
+    assert main(["decide", SCENARIO, "--mode", "exhaustive", "--walk", "first"]) == 0
+    assert "ranked by exhaustive" in capsys.readouterr().out
+
+
 def test_verify_of_an_unsafe_pair_exits_1(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["verify", "nothing-safe", "--pair", "keep,follow-lane"]) == 1
     assert "UNSAFE" in capsys.readouterr().out
@@ -294,6 +305,7 @@ def test_200_megabytes_of_noise_are_refused_at_once(tmp_path: Path) -> None:
         (["decide", SCENARIO, "--vocabulary", "nowhere.toml"], "nowhere.toml"),
         (["decide", SCENARIO, "--accept", "anything"], "reachable"),
         (["decide", SCENARIO, "--walk", "anything"], "ranked"),
+        (["decide", SCENARIO, "--mode", "anything"], "verify-first"),
         (["decide", SCENARIO, "--k", "0"], "k"),
         (["decide", SCENARIO, "--deadline", "-1"], "deadline"),
         (["decide", SCENARIO, "--deadline", "nan"], "deadline"),
@@ -356,6 +368,18 @@ def test_import_and_help_are_quick() -> None:
     assert run_python(code) == 0
     assert cpu_seconds("-c", "import sandra") < 0.5
     assert cpu_seconds("-m", "sandra.cli", "--help") < 0.7
+
+
+def test_a_first_decision_is_quick() -> None:
+    """Nothing is loaded that a decision does without; SciPy alone would cost half a second."""
+    heavy = "{'openai', 'matplotlib', 'scipy', 'google.protobuf'}"
+    code = (
+        "import sys, sandra; scene = sandra.load(sandra.example('intersection')); "
+        "assert sandra.decide(scene, ranker='rules').maneuver.kind == 'certified'; "
+        f"assert not {heavy} & set(sys.modules)"
+    )
+    assert run_python(code) == 0
+    assert cpu_seconds("-m", "sandra.cli", "decide", "intersection") < 1.5
 
 
 def run_python(code: str) -> int:

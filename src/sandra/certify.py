@@ -6,6 +6,7 @@ with a certificate that `sandra.certificate.check` accepted.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -23,9 +24,12 @@ from sandra.planning.fail_safe_search import Miss as NoFailSafe
 from sandra.planning.given import driven
 from sandra.planning.surroundings import Surroundings as OfFailSafe
 from sandra.planning.types import Trajectory
+from sandra.planning.validity import Road
 from sandra.planning.witness import Miss, Surroundings, start_state, witness
 from sandra.prediction import Prediction, predict
 from sandra.reach import Ground, Status, Verdict, Verdicts
+from sandra.scene.types import Scene
+from sandra.settings import Settings
 
 MILDEST = 4.0
 """The prediction lasts long enough for braking this mild; milder ones are tried as far as it goes
@@ -36,6 +40,11 @@ blocks the first mostly blocks the others too."""
 ALIKE = (0.02, 0.02, 0.005, 0.1, 0.02)
 """States at the next decision that differ by no more than this are asked about once: from where no
 fail-safe was found, none is looked for again [m, m, rad, m/s, rad]."""
+
+
+WELL_CLEAR = 6.0
+"""Distances beyond this make no difference to any search or check [m]; those who keep it whatever
+they do are predicted roughly."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,10 +95,19 @@ class Basis:
         if given.kind == "set-based" and given.horizon >= steps:
             set_based = given
         else:
-            # Fail-safes and certificates only ask what is occupied during each step.
-            set_based = predict(scene, "set-based", steps, settings, instants=False)
+            # Fail-safes and certificates only ask what is occupied during each step, and only
+            # where the ego can come.
+            near = np.array(
+                [_farthest(scene, (k + 1) * scene.dt, settings) + WELL_CLEAR for k in range(steps)]
+            )
+            set_based = predict(scene, "set-based", steps, settings, instants=False, near=near)
+        road = Road.of(scene, _farthest(scene, max(steps * scene.dt, last), settings) + WELL_CLEAR)
         return Basis(
-            ground, set_based, due, Surroundings.of(ground), OfFailSafe.of(scene, set_based)
+            ground,
+            set_based,
+            due,
+            Surroundings.of(ground, road),
+            OfFailSafe.of(scene, set_based, road),
         )
 
     def fail_safe_now(self) -> FailSafe | None:
@@ -115,6 +133,13 @@ class Basis:
         states, inputs = rest.states[None, : count + 1], rest.inputs[None, :count]
         contact = self.of_fail_safe.first_contact(states, inputs, np.array([count]), rest.tau, 0.0)
         return bool(contact[0] < 0)
+
+
+def _farthest(scene: Scene, time: float, settings: Settings) -> float:
+    """How far from its present position the ego's body may reach within some time [m]."""
+    ego = scene.ego
+    way = abs(ego.state.speed) * time + max(settings.a_lon_max, 0.0) * time**2 / 2
+    return way + math.hypot(ego.length, ego.width) / 2
 
 
 def certify(

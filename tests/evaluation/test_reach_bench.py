@@ -16,8 +16,10 @@ import numpy as np
 import pytest
 
 import sandra
+from reach_particles import World, fly
 from sandra.cli import main
 from sandra.evaluation.reach_bench import Peer, PeerError, PeerRefused, bench_reach, checks
+from sandra.evaluation.reach_bench.frames import framed
 from sandra.evaluation.reach_bench.hand_over import (
     beyond_the_road,
     forbidden_boxes,
@@ -25,9 +27,10 @@ from sandra.evaluation.reach_bench.hand_over import (
     problem_of,
     reference_line,
 )
-from sandra.evaluation.reach_bench.measure import SETTINGS
+from sandra.evaluation.reach_bench.measure import SETTINGS, _handed_over
 from sandra.evaluation.reach_bench.ours import free_set, prepare
 from sandra.evaluation.reach_bench.rows import Ours, Peers, Report, Row
+from sandra.logic import Specification
 from sandra.reach import Ground
 from sandra.scene import Frame, Region
 
@@ -105,6 +108,33 @@ def test_a_disc_becomes_a_polygon_between_its_inside_and_its_outside() -> None:
     assert (np.hypot(*(middles - [1.0, 2.0]).T) < 0.5).all()
 
 
+def bent(name: str, ahead: float, radius: float) -> sandra.Scene:
+    """A scene whose reference line turns right some way ahead of the ego."""
+    scene = sandra.load(sandra.example(name), settings=SETTINGS)
+    s = scene.ego_curvilinear[0]
+    straight = np.array([[x, 0.0] for x in np.arange(s - 20.0, s + ahead + 1.0, 1.0)])
+    line = scene.frame.to_cartesian(straight)
+    course = np.arctan2(*(line[-1] - line[-2])[::-1])
+    angles = np.arange(1, 10) * np.pi / 20
+    arc = radius * np.column_stack([np.sin(angles), np.cos(angles) - 1.0])
+    turned = arc @ np.array([[np.cos(course), np.sin(course)], [-np.sin(course), np.cos(course)]])
+    frame = Frame(np.vstack([line, line[-1] + turned]))
+    lanes = tuple(replace(x, frame=frame) if x is scene.current else x for x in scene.lanes)
+    return replace(scene, lanes=lanes)
+
+
+def test_a_sharp_bend_ahead_is_left_away() -> None:
+    scene = bent("merge", 15.0, 6.0)
+    own, smooth, straight = framed(scene)
+    assert own == (scene, "")
+    assert smooth[0].frame.clearance > scene.frame.clearance
+    assert straight[1] == "straight on where its line bends sharply"
+    line = straight[0].frame.line
+    assert (line == scene.frame.line[: len(line)]).all()
+    assert 30.0 < straight[0].frame.length < 36.0
+    assert len(list(framed(sandra.load(sandra.example("merge"))))) == 2
+
+
 # What is checked
 
 
@@ -138,6 +168,12 @@ def test_areas_are_compared_both_ways_and_only_where_they_are_large() -> None:
     assert checks.Areas.of((0.1,), (0.2,)) == checks.Areas(1.0, 1.0)
 
 
+def test_a_peer_that_gave_up_is_noticed() -> None:
+    checks.check_alive((0.5, 3.0, 0.0), (0.5, 9.0, 0.4))
+    with pytest.raises(checks.NotTheSame, match="empty at step 1; on our cells it has 9"):
+        checks.check_alive((0.5, 0.0, 0.0), (0.5, 9.0, 20.0))
+
+
 def test_points_are_compared_in_our_frame() -> None:
     base = base_of("merge", 3)
     start = reference_line(base)[1]
@@ -167,6 +203,15 @@ def test_a_free_set_has_the_same_area_in_both(peer: Peer) -> None:
 
 
 @needs_peer
+def test_where_the_lane_bends_too_sharply_both_get_another_frame(peer: Peer) -> None:
+    scene, settings = bent("merge", 15.0, 1.5), SETTINGS.replace(horizon=16)
+    base, found, note, _ = _handed_over(scene, settings, peer)
+    assert note
+    assert base.scene.frame.clearance > scene.frame.clearance
+    assert found.lattice == base.lattice
+
+
+@needs_peer
 def test_the_peers_faulty_cut_is_noticed(peer: Peer) -> None:
     base = base_of("merge", 6, a_lon_min=-6.0, a_lon_max=6.0)
     peer.ask(problem_of(base))
@@ -178,8 +223,8 @@ def test_the_peers_faulty_cut_is_noticed(peer: Peer) -> None:
 
 @needs_peer
 def test_an_obstacle_or_a_border_that_the_peer_lacks_is_noticed(peer: Peer) -> None:
-    base = base_of("roadworks")
-    asked = checks.forbidden_points(base)
+    base = base_of("merge", 20)
+    asked = checks.forbidden_points(base, free_set(base))
     problem = problem_of(base)
     peer.ask(problem)
     peer.ask(PREPARE)
@@ -209,6 +254,24 @@ def test_what_lies_beyond_the_road_is_closed(peer: Peer) -> None:
         areas.append(peer.ask({"do": "sets"})["steps"][-1]["area"])
     assert areas[0] > 1.2 * areas[1]  # in 0.2 s it jumps over the border
     assert areas[1] < free_set(base).area(12)
+
+
+@needs_peer
+def test_trajectories_leave_the_peers_set_where_it_drops_narrow_gaps(peer: Peer) -> None:
+    """Why areas are compared on the same forbidden cells, at matched resolution."""
+    base = base_of("intersection", 15)
+    found, start = free_set(base), reference_line(base)[1]
+    outcome = fly(World(base), Specification(PAIR, ()), found, 20_000, 1)
+    assert outcome.missing == 0
+    s, d = outcome.survivors[-1][:, [0, 2]].T
+    peer.ask(problem_of(base))
+    peer.ask(PREPARE)
+    peer.ask({"do": "compute"})
+    inside = np.zeros(len(s), dtype=bool)
+    for s_low, d_low, s_high, d_high in peer.ask({"do": "sets"})["steps"][-1]["boxes"]:
+        inside |= (s - start >= s_low) & (s - start <= s_high) & (d >= d_low) & (d <= d_high)
+    assert inside.any()
+    assert (~inside).mean() > 0.02
 
 
 @needs_peer
@@ -282,13 +345,13 @@ def test_without_the_peers_packages_its_last_words_are_told() -> None:
 
 
 def test_medians_are_over_the_timed_rows() -> None:
-    ours = Ours(0.001, 0.01, 0.002, 0.003, 0.02, (1.0,), 4)
+    ours = Ours(0.001, 0.03, 0.01, 0.002, 0.003, 0.02, (1.0,), 4)
     rows = [
         Row("a", 15, 0.1, 3, "p", 2, ours, Peers(0.001, 0.02, 0.04, (1.0,), 5)),
         Row("b", 15, 0.1, 3, "p", 2, ours, Peers(0.001, 0.04, 0.08, (1.0,), 5)),
         Row("c", 25, 0.1, 3, "p", 2, replace(ours, free=0.001), refused="why"),
     ]
-    report = Report(tuple(rows), {})
+    report = Report(tuple(rows), {}, "native")
     expected = {"free": 30.0, "every": 3.0, "prepare": 3.0}
     assert report.medians() == pytest.approx(expected)
     assert report.medians(25) == {}

@@ -80,6 +80,22 @@ def test_processes_change_nothing() -> None:
     assert without_time(alone) == without_time(together)
 
 
+def test_what_breaks_is_an_error_of_its_scenario_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    def brittle(path: Path, *arguments: object) -> list[Row]:
+        if "Merge" in path.stem:
+            raise ZeroDivisionError("too flat")
+        return rows_of(path, *arguments)
+
+    monkeypatch.setattr("sandra.evaluation.verdicts.rows_of", brittle)
+    paths = [sandra.example("merge"), sandra.example("nothing-safe")]
+    table = tabulate(paths, ["most-likely"], settings=Settings(horizon=4))
+    assert [row.error for row in table.rows] == [
+        *["internal error: ZeroDivisionError: too flat"] * 2,
+        *[None] * 2,
+    ]
+    assert table.totals()[0][2:] == (table.rows[2].unsafe, table.rows[2].reachable, 0)
+
+
 def test_totals_and_kinds() -> None:
     why = "no certificate: all 9 candidates fail: 5 leave the corridor, {}"
     collide = why.format("4 collide with their full body")
@@ -142,7 +158,7 @@ def test_command(capsys: pytest.CaptureFixture[str], tmp_path: Path, broken: Pat
     [
         (["EMPTY"], "no .xml file"),
         (["merge", "--predictions", "crystal-ball"], "unknown prediction 'crystal-ball'"),
-        (["merge", "--workers", "0"], "at least one process"),
+        (["merge", "--workers", "-1"], "number of processes"),
         (["merge", "--rules", "R_G1,,R_G2"], "empty rule"),
         (["nothing-safe", "--horizon", "2", "--out", "EMPTY"], "cannot be written"),
     ],

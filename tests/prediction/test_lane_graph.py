@@ -133,7 +133,7 @@ def test_progress_up_to_the_end_of_a_slice_is_on_it() -> None:
             entries = Entries(
                 *(np.array([x]) for x in (0, row, 0)), *(np.array([x]) for x in (m, -1.0, 1.0))
             )
-            pieces = Pieces.of(table, touched, entries, 2)
+            pieces = Pieces.of(table, touched, entries, np.array([2]))
             assert len(pieces.slice) == found * wanted
             assert (pieces.bounds[:, 1:] - pieces.bounds[:, 1:].mean(axis=1)[:, None]) == (
                 pytest.approx(np.tile([-1.0, 1.0], (len(pieces.slice), 1)))

@@ -109,15 +109,15 @@ def test_stretches_are_merged_up_to_half_the_tolerance_from_the_first() -> None:
     rows = np.zeros((3, 4))
     for column in range(4):
         rows[:, column] = [0.0, BORDER_MERGE / 2, -BORDER_MERGE / 2]
-        assert _alike(rows)
+        assert _alike(rows).all()
     rows[2, 1] = -BORDER_MERGE / 2 - 1e-9
-    assert not _alike(rows)
+    assert not _alike(rows).all()
     rows[:, 1] = [0.0, 0.0, np.inf]
-    assert not _alike(rows)
+    assert not _alike(rows).all()
     rows[:, 1] = np.inf
-    assert _alike(rows)
+    assert _alike(rows).all()
     rows[:, 1] = -np.inf
-    assert _alike(rows)
+    assert _alike(rows).all()
 
 
 # ------------------------------------------------------------------ vehicles in lanes

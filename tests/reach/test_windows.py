@@ -1,4 +1,4 @@
-"""Forbidden cells block by block, against every corner measured one by one."""
+"""Forbidden cells line by line, against every corner measured one by one."""
 
 import numpy as np
 import pytest
@@ -27,7 +27,7 @@ def regions(rng: np.random.Generator, count: int) -> list[Region]:
 
 @pytest.mark.parametrize("curvature", [0.0, 1 / 30])
 @pytest.mark.parametrize("size", [(60, 40), (37, 21), (3, 1)])
-def test_blocks_find_the_cells_that_all_corners_give(
+def test_lines_find_the_cells_that_all_corners_give(
     curvature: float, size: tuple[int, int]
 ) -> None:
     rng = np.random.default_rng(size[0])
@@ -35,6 +35,7 @@ def test_blocks_find_the_cells_that_all_corners_give(
     lattice = Lattice(1.0, -size[1] / 8, 0.5, 0.25, *size)
     corners = grid(scene, *lattice.corners())
     reach = rng.uniform(0.5, 1.0, size[0])
+    on_line = np.minimum(np.append(reach, np.inf), np.append(np.inf, reach))
     several = regions(rng, 600)
     steps = (tuple(several[:400]), (), tuple(several[400:]))
     car = Course().car(2, 20.0, 0.0)
@@ -42,22 +43,13 @@ def test_blocks_find_the_cells_that_all_corners_give(
     (found,) = windows(Prediction("made up", 0.1, 2, (predicted,)), corners, reach)
     nothing = np.zeros(size, dtype=bool)
     all_masks = union(nothing, [found], 2)
-    for at_step, mine, mask in zip(steps, found, all_masks, strict=True):
+    for at_step, mask in zip(steps, all_masks, strict=True):
         expected = []
         for region in at_step:
             away = distance(corners, region.vertices)
-            away = np.maximum(away[:-1], away[1:])
-            away = np.maximum(away[:, :-1], away[:, 1:]) - region.radius
-            assert np.abs(away - reach[:, None]).min() > 1e-9, "no draw"
-            expected.append(away <= reach[:, None])
-        got = []
-        for i0, i1, j0, j1, cells in mine:
-            whole = nothing.copy()
-            whole[i0:i1, j0:j1] = cells
-            got.append(whole)
-        wanted = [e for e in expected if e.any()]
-        assert len(got) == len(wanted)
-        assert all((g == w).all() for g, w in zip(got, wanted, strict=True))
+            away = np.maximum(away[:, :-1], away[:, 1:]) - region.radius - on_line[:, None]
+            assert np.abs(away).min() > 1e-9, "no draw"
+            expected.append((away[:-1] <= 0.0) & (away[1:] <= 0.0))
         assert (mask == np.any([nothing, *expected], axis=0)).all()
     assert sum(len(mine) for mine in found) > 20
 
@@ -66,10 +58,13 @@ def test_blocks_find_the_cells_that_all_corners_give(
 
 
 def forbids(region: Region, point: tuple[float, float], reach: float) -> bool:
-    """Whether a cell is forbidden whose four corners are one and the same point."""
+    """Whether a cell is forbidden two of whose corners are this point, the others further in."""
     car = Course().car(2, 20.0, 0.0)
     predicted = PredictedObstacle(car, ((region,),), (), np.full((1, 5), np.nan))
-    corners = np.tile(np.array(point), (2, 2, 1))
+    inwards = region.vertices.mean(axis=0) - point
+    if not inwards.any():
+        inwards = region.vertices[0] - point
+    corners = np.tile(np.array([point, point + inwards / 8]), (2, 1, 1))
     ((several,),) = windows(Prediction("made up", 0.1, 0, (predicted,)), corners, np.array([reach]))
     if not several:
         return False
@@ -141,15 +136,14 @@ def test_cells_need_all_their_corners_within_reach() -> None:
     x, y = np.arange(18.0), np.array([0.25, 0.5, 0.75])
     corners = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1)
     reach = np.full(17, 0.5)
-    reach[5] = 0.25  # reaches no upper corners
-    reach[6] = 0.75
-    ((((i0, i1, j0, j1, cells),),),) = windows(
-        Prediction("made up", 0.1, 0, (predicted,)), corners, reach
-    )
+    reach[5] = 0.25  # on both its lines: no upper corners of the columns beside are reached either
+    reach[8:11] = 0.75  # all corners on the two lines in between
+    ((several,),) = windows(Prediction("made up", 0.1, 0, (predicted,)), corners, reach)
     whole = np.zeros((17, 2), dtype=bool)
-    whole[i0:i1, j0:j1] = cells
+    for i0, i1, j0, j1, cells in several:
+        whole[i0:i1, j0:j1] = cells
     expected = np.zeros((17, 2), dtype=bool)
     expected[2:12, 0] = True
-    expected[5, 0] = False
-    expected[6, 1] = True
+    expected[4:7, 0] = False
+    expected[9, 1] = True
     assert (whole == expected).all()

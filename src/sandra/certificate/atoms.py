@@ -15,7 +15,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from sandra.certificate.geometry import Reference, Shapes, bodies, convex, outline
+from sandra.certificate.geometry import Reference, Shapes, bodies, convex, outlines
 from sandra.certificate.literals import Decided
 from sandra.certificate.timing import steps_per_dt
 from sandra.certificate.types import RELATIONS, Certificate, Participant
@@ -55,7 +55,7 @@ class Trace:
             states,
             bodies(states, c.ego),
             Reference.of(c.reference),
-            {x.id: outline(x) for x in c.lanelets},
+            dict(zip((x.id for x in c.lanelets), outlines(c.lanelets), strict=True)),
         )
 
     def lanes(self, relation: str) -> list[Any]:

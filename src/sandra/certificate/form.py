@@ -22,6 +22,7 @@ from sandra.settings import Assumptions, Settings
 
 T = TypeVar("T")
 
+DOUBLE = np.dtype(np.float64)
 LARGEST = 1e7
 """No number is larger than this: coordinates, angles, speeds, durations."""
 SMALLEST = 1e-50
@@ -223,17 +224,14 @@ def _array(value: object, shape: tuple[int | None, ...], nan: bool = False) -> b
 
 def _regions(values: list[object]) -> bool:
     """Whether all are regions of sensible numbers; there may be tens of thousands of them."""
-    if not all(
-        isinstance(r, Region)
-        and isinstance(r.vertices, np.ndarray)
-        and r.vertices.dtype == np.float64
-        and r.vertices.ndim == 2
-        and r.vertices.shape[1] == 2
-        and len(r.vertices) >= 1
-        and _number(r.radius)
-        and r.radius >= 0.0
-        for r in values
-    ):
-        return False
-    found = [r.vertices for r in values if isinstance(r, Region)]
+    found = []
+    for r in values:
+        if not isinstance(r, Region) or not isinstance(r.vertices, np.ndarray):
+            return False
+        shape = r.vertices.shape
+        if r.vertices.dtype != DOUBLE or len(shape) != 2 or shape[1] != 2 or shape[0] < 1:
+            return False
+        if not _number(r.radius) or not r.radius >= 0.0:
+            return False
+        found.append(r.vertices)
     return not found or _array(np.concatenate(found), (None, 2))

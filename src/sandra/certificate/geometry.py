@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -40,14 +40,9 @@ def bodies(states: Array, body: Body) -> Shapes:
 
 def hulls(points: Array) -> Shapes:
     """(n,) convex hulls of n sets of m points (n, m, 2)."""
-    return np.atleast_1d(shapely.convex_hull(_multipoints(points)))
-
-
-def _multipoints(points: Array) -> Shapes:
-    n, m = points.shape[:2]
-    ends = m * np.arange(n + 1)
-    flat = points.reshape(-1, 2)
-    return np.asarray(shapely.from_ragged_array(shapely.GeometryType.MULTIPOINT, flat, (ends,)))
+    # Lines through the points, and back to the first: one point alone makes no line.
+    closed = np.concatenate([points, points[:, :1]], axis=1)
+    return np.atleast_1d(shapely.convex_hull(shapely.linestrings(closed)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -96,25 +91,37 @@ def convex(regions: Iterable[Region]) -> tuple[Shapes, Array]:
     several = tuple(regions)
     if not several:
         return np.empty(0, dtype=object), np.empty(0)
-    ends = np.cumsum([0, *(len(r.vertices) for r in several)])
+    sizes = np.array([len(r.vertices) for r in several])
     corners = np.concatenate([r.vertices for r in several])
-    points = shapely.from_ragged_array(shapely.GeometryType.MULTIPOINT, corners, (ends,))
-    return shapely.convex_hull(points), np.array([r.radius for r in several], dtype=float)
+    # Lines through the vertices, and back to the first: one vertex alone makes no line.
+    begins = np.cumsum(sizes) - sizes
+    closed = np.insert(corners, begins + sizes, corners[begins], axis=0)
+    lines = shapely.linestrings(closed, indices=np.repeat(np.arange(len(several)), sizes + 1))
+    return shapely.convex_hull(lines), np.array([r.radius for r in several], dtype=float)
 
 
 def outline(lanelet: Pavement) -> Any:
     """The area between a lanelet's borders; where they cross, both parts."""
-    ring = np.vstack([lanelet.right, lanelet.left[::-1]])
-    area = shapely.polygons(ring)
-    if shapely.is_valid(area):
-        return area
-    parts = shapely.get_parts(shapely.make_valid(area))
-    return shapely.union_all([x for x in parts if x.geom_type in ("Polygon", "MultiPolygon")])
+    return outlines([lanelet])[0]
 
 
-def pavement(lanelets: Iterable[Pavement]) -> Any:
+def outlines(lanelets: Sequence[Pavement]) -> Shapes:
+    """(n,) the same for many."""
+    if not lanelets:
+        return np.empty(0, dtype=object)
+    rings = [np.vstack([x.right, x.left[::-1]]) for x in lanelets]
+    owner = np.repeat(np.arange(len(rings)), [len(x) for x in rings])
+    areas = shapely.polygons(shapely.linearrings(np.concatenate(rings), indices=owner))
+    for i in np.flatnonzero(~shapely.is_valid(areas)).tolist():
+        parts = shapely.get_parts(shapely.make_valid(areas[i]))
+        kept = [x for x in parts if x.geom_type in ("Polygon", "MultiPolygon")]
+        areas[i] = shapely.union_all(kept)
+    return np.asarray(areas)
+
+
+def pavement(lanelets: Sequence[Pavement]) -> Any:
     """The union of lanelets, slits between neighbours closed; outer borders stay in place."""
-    union = shapely.union_all([outline(x) for x in lanelets])
+    union = shapely.union_all(outlines(lanelets))
     widened = shapely.buffer(union, SLIT, join_style="mitre")
     return shapely.buffer(widened, -SLIT, join_style="mitre")
 

@@ -18,7 +18,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from sandra.certificate.geometry import Shapes, convex, hulls, outline
+from sandra.certificate.geometry import Shapes, convex, hulls, outlines
 from sandra.certificate.report import Checked, Violation
 from sandra.certificate.types import Certificate, Participant
 from sandra.scene.types import Region
@@ -114,7 +114,7 @@ def _straight_on(c: Certificate) -> list[_Played]:
         and np.isfinite(o.states[0, 0])
         and o.states[0, 3] >= 0.0
     ]
-    areas = np.array([outline(x) for x in c.lanelets], dtype=object)
+    areas = outlines(c.lanelets)
     courses = np.array([_mean_heading(x.left) for x in c.lanelets])
     now = [_placed(o.outline, o.states[:1, :3])[0] for o in driving]
     inside = shapely.covers(areas[None, :], np.array(now, dtype=object)[:, None])
@@ -174,9 +174,22 @@ def _held(regions: list[tuple[Region, ...]], shapes: Shapes) -> NDArray[np.bool_
     rank = np.arange(len(owner)) - np.repeat(np.cumsum(sizes[mine]) - sizes[mine], sizes[mine])
     held = np.zeros(len(shapes), dtype=np.bool_)
     # Mostly one region holds the body as it is, and no shape has to be widened or united.
-    np.logical_or.at(held, owner, shapely.covers(hulls[begin[mine[owner]] + rank], shapes[owner]))
+    chosen = begin[mine[owner]] + rank
+    np.logical_or.at(held, owner, _within(radii[chosen], hulls[chosen], shapes[owner]))
     for i in np.flatnonzero(~held):
         part = slice(begin[mine[i]], begin[mine[i] + 1])
         union = shapely.union_all(shapely.buffer(hulls[part], radii[part] + SLACK))
         held[i] = bool(shapely.covers(union, shapes[i]))
     return held
+
+
+def _within(radii: Array, hulls: Shapes, shapes: Shapes) -> NDArray[np.bool_]:
+    """(n,) whether convex shapes are within a radius of convex hulls: all their corners are."""
+    points, owner = shapely.get_coordinates(shapes, return_index=True)
+    near = np.asarray(shapely.intersects_xy(hulls[owner], points[:, 0], points[:, 1]))
+    outside = np.flatnonzero(~near & (radii[owner] > 0.0))
+    away = shapely.distance(shapely.points(points[outside]), hulls[owner[outside]])
+    near[outside] = away <= radii[owner[outside]]
+    corners = np.bincount(owner, minlength=len(shapes))
+    held = np.bincount(owner[near], minlength=len(shapes))
+    return np.asarray((held == corners) & (corners > 0))

@@ -19,6 +19,7 @@ def add(commands: Any) -> None:
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
     _add_decide(actions)
     _add_reach(actions)
+    _add_growth(actions)
 
 
 def _add_decide(actions: Any) -> None:
@@ -144,3 +145,39 @@ def _horizons(text: str) -> list[int]:
 
 def _tell(scenario: str, runs: int, run: int) -> None:
     progress(f"{scenario}: run {run} of {runs}" if run else f"{scenario}: warming up")
+
+
+def _add_growth(actions: Any) -> None:
+    parser = command(
+        actions,
+        "growth",
+        "time and memory of a verification against horizon, traffic and number of lanes",
+        "sandra bench growth --axes obstacles,lanes --figure growth.pdf",
+    )
+    parser.add_argument(
+        "--axes", default="horizon,obstacles,lanes", metavar="LIST", help="what grows"
+    )
+    parser.add_argument("--runs", type=int, default=5, metavar="N", help="counted runs of each")
+    parser.add_argument("--figure", metavar="FILE", help="draw the curves (.png, .pdf, .svg)")
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    parser.set_defaults(run=_growth)
+
+
+def _growth(arguments: argparse.Namespace) -> int:
+    from sandra.evaluation.growth import AXES, measure_growth
+    from sandra.view.growth import growth_figure
+
+    axes = [axis.strip() for axis in arguments.axes.split(",")]
+    if not set(axes) <= set(AXES):
+        raise SettingsError(f"--axes {arguments.axes}: choose from {','.join(AXES)}")
+    if arguments.runs < 1:
+        raise SettingsError(f"--runs {arguments.runs}: at least one run is needed")
+    growth = measure_growth(axes, runs=arguments.runs, progress=progress)
+    progress("")
+    if arguments.figure:
+        growth_figure(growth, arguments.figure)
+    if arguments.json:
+        print_json(growth.to_dict() | {"figure": arguments.figure})
+    else:
+        print(growth)
+    return 0

@@ -28,7 +28,7 @@ def add(commands: Any) -> None:
         "decide",
         "describe a scenario, have action pairs ranked, verify them, choose what is executed",
         "sandra decide intersection --command 'drive faster' --prediction set-based "
-        "--rules R_G1,R_G2,R_G3 --figure decision.png",
+        "--rules R_G1,R_G2,R_G3 --mode verify-first --figure decision.png",
     )
     add_scenario(parser)
     add_prompting(parser)
@@ -60,10 +60,19 @@ def add(commands: Any) -> None:
         "--certificate", metavar="FILE", help="write the certificate of what is executed: .json"
     )
     parser.add_argument(
+        "--mode",
+        default="rank",
+        metavar="NAME",
+        help="rank (a ranking, then verdicts, as in the paper), verify-first (all pairs are "
+        "verified while the ranker reads and reasons; it ranks those that hold) or exhaustive "
+        "(nobody is asked)",
+    )
+    parser.add_argument(
         "--walk",
         default="ranked",
         metavar="HOW",
-        help="which pairs to verify: ranked, first (stop at the first that holds) or all",
+        help="which pairs to verify after a ranking: ranked, first (stop at the first that holds) "
+        "or all",
     )
     parser.set_defaults(run=_decide)
 
@@ -90,6 +99,7 @@ def _decide(arguments: argparse.Namespace) -> int:
         base_url=arguments.base_url,
         settings=settings,
         vocabulary=vocabulary_of(arguments),
+        mode=arguments.mode,
         walk=arguments.walk,
         rule_prompt=arguments.rule_prompt,
         weights=weights,

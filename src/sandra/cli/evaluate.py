@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from sandra.cli import soundness
-from sandra.cli.options import command, path_of, settings_of
+from sandra.cli.options import add_workers, command, path_of, settings_of, workers_of
 from sandra.cli.output import print_json, progress
 from sandra.errors import SandraError
 
@@ -29,7 +29,8 @@ def _add_verdicts(actions: Any) -> None:
         actions,
         "verdicts",
         "count the twelve pairs by verdict, and say why what is REACHABLE has no certificate",
-        "sandra evaluate verdicts scenarios/ --rules 'none;R_G1,R_G2,R_G3' --out verdicts.md",
+        "sandra evaluate verdicts scenarios/ --rules 'none;R_G1,R_G2,R_G3' --workers auto "
+        "--out verdicts.md",
     )
     parser.add_argument(
         "scenarios",
@@ -51,7 +52,7 @@ def _add_verdicts(actions: Any) -> None:
     )
     parser.add_argument("--horizon", type=int, metavar="H", help="steps to verify (default: 25)")
     parser.add_argument("--settings", metavar="FILE", help="a TOML file with parameters")
-    parser.add_argument("--workers", type=int, default=1, metavar="N", help="number of processes")
+    add_workers(parser)
     parser.add_argument("--out", metavar="FILE", help="write the tables as Markdown")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.set_defaults(run=_verdicts)
@@ -65,8 +66,6 @@ def _verdicts(arguments: argparse.Namespace) -> int:
     settings = settings_of(arguments)
     if arguments.horizon is not None:
         settings = settings.replace(horizon=arguments.horizon)
-    if arguments.workers < 1:
-        raise SandraError(f"--workers {arguments.workers}: at least one process is needed")
     predictions = [word.strip() for word in arguments.predictions.split(",")]
     for kind in predictions:
         if kind not in KINDS:
@@ -78,7 +77,7 @@ def _verdicts(arguments: argparse.Namespace) -> int:
         predictions,
         [parse_rules(text) for text in arguments.rules.split(";")],
         settings=settings,
-        workers=arguments.workers,
+        workers=workers_of(arguments),
         progress=lambda done, total, name: progress(f"{done} of {total}: {name}"),
     )
     progress("")

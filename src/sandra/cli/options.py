@@ -6,6 +6,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from sandra.errors import SandraError
+
 if TYPE_CHECKING:
     from sandra.logic import Vocabulary
     from sandra.scene import Scene
@@ -58,6 +60,28 @@ def add_prompting(parser: argparse.ArgumentParser) -> None:
         "--past", default="", metavar="PAIRS", help="pairs driven before, oldest first, ';' between"
     )
     parser.add_argument("--rule-prompt", action="store_true", help="tell the rules in the prompt")
+
+
+def add_workers(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--workers",
+        default="1",
+        metavar="N",
+        help="processes, 'auto' for one on each core; the results are the same",
+    )
+
+
+def workers_of(arguments: argparse.Namespace) -> int:
+    from sandra.evaluation.workers import ALL_CORES
+
+    text = arguments.workers.strip().lower()
+    if text in ("auto", "0"):
+        return ALL_CORES
+    if not text.isdecimal():
+        raise SandraError(
+            f"--workers {arguments.workers}: write a number of processes, or auto for all cores"
+        )
+    return int(text)
 
 
 def settings_of(arguments: argparse.Namespace) -> Settings:

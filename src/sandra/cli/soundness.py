@@ -7,7 +7,7 @@ import json
 import sys
 from typing import Any
 
-from sandra.cli.options import command, path_of, settings_of
+from sandra.cli.options import add_workers, command, path_of, settings_of, workers_of
 from sandra.cli.output import finite, print_json
 from sandra.errors import SandraError
 
@@ -18,7 +18,7 @@ def add(actions: Any) -> None:
         "soundness",
         "execute certificates while the others do their worst: exit status 0 if there was neither "
         "a collision nor a broken rule, else 1",
-        "sandra evaluate soundness intersection merge --rollouts 1000 --workers 2",
+        "sandra evaluate soundness intersection merge --rollouts 1000 --workers auto",
     )
     parser.add_argument(
         "scenarios",
@@ -33,9 +33,7 @@ def add(actions: Any) -> None:
         "--per-certificate", type=int, default=100, metavar="N", help="rollouts of each certificate"
     )
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="of all that is random")
-    parser.add_argument(
-        "--workers", type=int, default=1, metavar="W", help="processes; the result is the same"
-    )
+    add_workers(parser)
     parser.add_argument("--settings", metavar="FILE", help="a TOML file with parameters")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.add_argument("--out", metavar="FILE", help="write the JSON object to a file, too")
@@ -50,7 +48,7 @@ def _soundness(arguments: argparse.Namespace) -> int:
         [path_of(name) for name in arguments.scenarios],
         arguments.rollouts,
         arguments.seed,
-        arguments.workers,
+        workers_of(arguments),
         arguments.per_certificate,
         settings_of(arguments),
         _progress,

@@ -23,8 +23,9 @@ class Decision:
     """All that was told, answered, verified and chosen in one cycle.
 
     `verdicts` holds the ranked pairs in the order of the ranking, then, where all twelve were
-    asked for, the others. `durations_s` has one entry per stage, and their "total" [s]: the ranking
-    is waited for while the others are predicted, so the stages may add up to more.
+    verified, the others. `prompt` is the question as it was last put: in mode verify-first the one
+    about the pairs that hold. `durations_s` has one entry per stage, and their "total" [s]: the
+    ranker is at work while the others are predicted, so the stages may add up to more.
     """
 
     scene: Scene
@@ -36,6 +37,8 @@ class Decision:
     basis: Basis | None
     """What certificates of this cycle stand on; None where none was asked for."""
     durations_s: dict[str, float]
+    mode: str = "rank"
+    """In which order was asked and verified; see `sandra.decide`."""
 
     @property
     def ground(self) -> Ground:
@@ -58,6 +61,7 @@ class Decision:
         failure = self.ranking.failure
         return {
             "scenario": self.scene.name,
+            "mode": self.mode,
             "ranker": self.ranking.ranker,
             "ranking": [pair.to_dict() for pair in self.ranking.pairs],
             "failure": None if failure is None else failure.value,
@@ -94,12 +98,15 @@ class Decision:
             f"{self.ground.prediction.kind}, rules {', '.join(self.verdicts.rules) or 'none'}, "
             f"h = {self.ground.horizon}, dt = {self.scene.dt:g} s"
         ]
+        if self.mode != "rank":
+            lines[0] += f", mode {self.mode}"
         lines += [f"  note: {note}" for note in self.ground.prediction.notes]
         if self.ranking.failure is not None:
             lines.append(
                 f"  no ranking: {self.ranking.failure.value}"
                 + (f" ({self.ranking.detail})" if self.ranking.detail else "")
             )
+        lines += [f"  ranking: {warning}" for warning in self.ranking.warnings]
         for rank, verdict in enumerate(self.verdicts, start=1):
             place = f"{rank}." if rank <= len(self.ranking.pairs) else "  "
             lines.append(f"  {place:>3} {verdict}")

@@ -22,6 +22,10 @@ class Clock:
         self._begin = time.perf_counter()
         self.durations = dict.fromkeys((*STAGES, "total"), 0.0)
 
+    def tell(self, stage: str) -> None:
+        """A stage begins that is timed elsewhere."""
+        self._progress(stage)
+
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
         """What is done in this block belongs to the stage; a stage may have several blocks."""

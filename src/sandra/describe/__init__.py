@@ -1,6 +1,7 @@
 """Scene -> Prompt: what the ranker is told, and in which form it has to answer."""
 
-from sandra.describe.describer import describe, feasible_actions, render
+from sandra.describe.describer import describe, feasible_actions, narrow, render
+from sandra.describe.schema import only
 from sandra.describe.types import ObstacleFacts, Prompt, Situation
 
 prompt = describe
@@ -12,6 +13,8 @@ __all__ = [
     "Situation",
     "describe",
     "feasible_actions",
+    "narrow",
+    "only",
     "prompt",
     "render",
 ]

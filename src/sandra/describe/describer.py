@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from dataclasses import replace
 
 from sandra.actions import ActionPair, Lateral, Longitudinal
 from sandra.describe.facts import situation
 from sandra.describe.outside import one_line
 from sandra.describe.schema import answer_schema
 from sandra.describe.types import Prompt
-from sandra.describe.wording import ego_text, obstacles_text, rules_text, system_text
+from sandra.describe.wording import ego_text, narrowed_text, obstacles_text, rules_text, system_text
 from sandra.scene.types import Scene
 from sandra.settings import Settings
 
@@ -50,7 +51,7 @@ def describe(
     return Prompt(
         system=system_text(facts, longitudinal, lateral, k, settings),
         user="\n".join(paragraphs),
-        schema=answer_schema(longitudinal, lateral, k),
+        schema=answer_schema(feasible, k),
         k=k,
         longitudinal=longitudinal,
         lateral=lateral,
@@ -70,6 +71,35 @@ def feasible_actions(scene: Scene) -> tuple[tuple[Longitudinal, ...], tuple[Late
     if scene.right is not None:
         lateral.append(Lateral.RIGHT_LANE)
     return tuple(Longitudinal), tuple(lateral)
+
+
+def narrow(prompt: Prompt, pairs: Collection[ActionPair]) -> Prompt:
+    """The same question about some of its pairs only: those that were found to hold.
+
+    The system text and the user text stay word for word as they were, so that what a server has
+    already read need not be read again; the user text goes on with `narrowing`. The schema admits
+    `pairs` and no other, and `k` is at most their number.
+
+    Raises:
+        ValueError: if no pair is left, or one was not feasible.
+    """
+    left = tuple(pair for pair in prompt.feasible if pair in pairs)
+    if not left or len(left) < len(set(pairs)):
+        raise ValueError("a prompt can only be narrowed to some of its own pairs, at least one")
+    k = min(prompt.k, len(left))
+    narrowing = narrowed_text(left, k)
+    return replace(
+        prompt,
+        user=f"{prompt.user}\n{narrowing}",
+        schema=answer_schema(left, k),
+        k=k,
+        longitudinal=tuple(
+            a for a in prompt.longitudinal if any(p.longitudinal is a for p in left)
+        ),
+        lateral=tuple(a for a in prompt.lateral if any(p.lateral is a for p in left)),
+        situation=replace(prompt.situation, feasible=left),
+        narrowing=narrowing,
+    )
 
 
 def render(prompt: Prompt) -> str:

@@ -68,6 +68,7 @@ class Prompt:
     """System and user text, the strict JSON schema of the answer, and the facts behind them.
 
     `k` is the number of pairs asked for: at most as many as there are feasible ones.
+    `longitudinal` and `lateral` are the actions that occur in them.
     """
 
     system: str
@@ -77,8 +78,10 @@ class Prompt:
     longitudinal: tuple[Longitudinal, ...]
     lateral: tuple[Lateral, ...]
     situation: Situation
+    narrowing: str = ""
+    """The end of `user` that says which pairs hold, where only those may be ranked (`narrow`)."""
 
     @property
     def feasible(self) -> tuple[ActionPair, ...]:
-        """Every pair of a feasible longitudinal and a feasible lateral action."""
-        return tuple(ActionPair(lon, lat) for lon in self.longitudinal for lat in self.lateral)
+        """The pairs that may be ranked."""
+        return self.situation.feasible

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 
-from sandra.actions import Lateral, Longitudinal
+from sandra.actions import ActionPair, Lateral, Longitudinal
 from sandra.describe.facts import AHEAD, BEHIND
 from sandra.describe.outside import NAME_LENGTH, in_words, one_line
 from sandra.describe.templates import say, sentences
@@ -103,6 +103,12 @@ def rules_text(facts: Situation, rules: Iterable[str], settings: Settings) -> st
             continue
         lines.append(say("rules", "line", name=name, text=text))
     return "\n".join(lines)
+
+
+def narrowed_text(pairs: Sequence[ActionPair], k: int) -> str:
+    """Which pairs hold, and how many of them are to be ranked (not in the paper)."""
+    names = "; ".join(str(pair) for pair in pairs)
+    return say("narrowed", "holds", pairs=names) + " " + say("narrowed", "rank", k=k)
 
 
 def _road(scene: Scene, facts: Situation) -> str:

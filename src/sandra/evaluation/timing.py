@@ -9,7 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from statistics import median
 from typing import Any
 
@@ -19,7 +19,7 @@ from sandra.certify import Basis, Proven, certify
 from sandra.describe import describe
 from sandra.prediction import predict
 from sandra.rankers import as_ranker
-from sandra.reach import Status, ground, verify_pair
+from sandra.reach import Status, ground, verify_on
 from sandra.scene.types import Scene
 from sandra.settings import Settings
 
@@ -122,6 +122,8 @@ def time_decision(
     pairs, certified = 0, None
     for run in range(runs + 1):
         progress(run)
+        # Lanelets keep their areas: each run begins with a map that was never looked at.
+        scene = replace(scene, lanelets=tuple(replace(x) for x in scene.lanelets))
         watch = _Watch()
         with watch.stage("describe"):
             prompt = describe(scene, rules=rules, settings=settings)
@@ -133,7 +135,7 @@ def time_decision(
             base = ground(scene, predicted, settings)
         rest = [p for p in ALL_PAIRS if p not in ranked] if all_pairs else []
         with watch.stage("verify"):
-            verdicts = [verify_pair(base, pair, rules) for pair in (*ranked, *rest)]
+            verdicts = verify_on(base, (*ranked, *rest), rules).verdicts
         with watch.stage("fail-safe prediction"):
             basis = Basis.of(base)
         pairs, certified = len(verdicts), None

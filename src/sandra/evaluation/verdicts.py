@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
-from itertools import repeat
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,7 @@ from sandra.actions import ALL_PAIRS
 from sandra.certify import Basis, certify
 from sandra.errors import SandraError
 from sandra.evaluation.reasons import PREFIX, kind_of
+from sandra.evaluation.workers import Broken, in_order
 from sandra.prediction import predict
 from sandra.reach import Status, ground, verify_on
 from sandra.scene import load
@@ -148,27 +149,24 @@ def tabulate(
     Args:
         paths: CommonRoad files. predictions: kinds, see `sandra.predict`.
         rule_sets: sets of rules; () is none.
-        workers: number of processes.
+        workers: number of processes; 0 for all cores. The rows are the same.
         progress: is told (units done, all units, name of the one that is done).
     """
-    settings = settings or Settings()
     units = [(path, prediction) for path in paths for prediction in predictions]
+    work = partial(_unit, rule_sets=tuple(rule_sets), settings=settings or Settings())
     rows: list[Row] = []
-
-    def collect(answers: Iterator[list[Row]]) -> None:
-        for done, ((path, prediction), answer) in enumerate(
-            zip(units, answers, strict=True), start=1
-        ):
-            rows.extend(answer)
+    with closing(in_order(work, units, workers)) as answers:
+        for done, ((path, prediction), found) in enumerate(zip(units, answers, strict=True), 1):
+            if isinstance(found, Broken):
+                error = f"internal error: {found.error}"
+                found = [Row(path.stem, prediction, rules, error=error) for rules in rule_sets]
+            rows.extend(found)
             progress(done, len(units), f"{path.stem}, {prediction}")
-
-    arguments = ([u[0] for u in units], [u[1] for u in units], repeat(rule_sets), repeat(settings))
-    if workers > 1:
-        with ProcessPoolExecutor(workers) as pool:
-            collect(pool.map(rows_of, *arguments))
-    else:
-        collect(map(rows_of, *arguments))
     return Table(tuple(rows))
+
+
+def _unit(unit: tuple[Path, str], rule_sets: Sequence[Rules], settings: Settings) -> list[Row]:
+    return rows_of(*unit, rule_sets, settings)
 
 
 def rows_of(

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from sandra.planning.bounds import within
 from sandra.planning.limits import slip
 from sandra.planning.single_track import HEADING, SPEED, STEERING, X, Y
+from sandra.planning.spline import Spline
 from sandra.scene.frame import Frame, smoothed
 
 Array = NDArray[np.float64]
@@ -73,8 +74,6 @@ def guide(frame: Frame, state: Array, wheelbase: float, distance: float) -> Guid
 
     None where the state points across or against the lane, or is too far off it.
     """
-    from scipy.interpolate import CubicSpline
-
     rear = state[:2] - wheelbase / 2 * np.array([np.cos(state[HEADING]), np.sin(state[HEADING])])
     s = float(frame.to_curvilinear(rear[None])[0, 0])
     # Curvature noise in maps asks for steering rates that grow with the speed.
@@ -88,7 +87,7 @@ def guide(frame: Frame, state: Array, wheelbase: float, distance: float) -> Guid
         passes=4,
     )
     chord = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
-    curve = CubicSpline(chord, line)
+    curve = Spline.through(chord, line)
     u0 = _foot(curve, chord, line, rear)
     count = max(8, int(np.ceil(distance / SPACING)))
     u = u0 + np.linspace(0.0, distance, count + 1)
@@ -126,11 +125,11 @@ def guide(frame: Frame, state: Array, wheelbase: float, distance: float) -> Guid
     )
 
 
-def _foot(curve: object, chord: Array, line: Array, point: Array) -> float:
+def _foot(curve: Spline, chord: Array, line: Array, point: Array) -> float:
     """The u at which `point` is abeam of the curve (Newton from the nearest point)."""
     u = float(chord[np.argmin(np.hypot(*(line - point).T))])
     for _ in range(8):
-        r, first, second = (curve(u, k) for k in range(3))  # type: ignore[operator]
+        r, first, second = (curve(u, k) for k in range(3))
         off = r - point
         slope = first @ first + off @ second
         if slope <= FLATTEST:

@@ -5,7 +5,7 @@ the free stretches (`path_gaps`): from step to step the set of positions and spe
 reached is followed through each of them, so that what leads nowhere is dropped early, mostly
 without any optimisation. For each way through that ends at a standstill a linear program has the
 smallest peak of |a|, and of those profiles the one that changes its acceleration least. It is
-solved by HiGHS (`scipy.optimize.linprog`; SciPy is loaded already, for the paths).
+solved by HiGHS (`scipy.optimize.linprog`).
 
 Nothing is accepted because the solver says so: profiles are driven and checked as any other.
 After Magdici & Althoff, "Fail-safe motion planning of autonomous vehicles", 2016.

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from sandra.planning.bounds import clear, overlap
 from sandra.planning.conflict import conflict_areas
 from sandra.planning.validity import CLEARANCE, Occupied, Road, corners, separation
+from sandra.prediction.geometry import extent
 from sandra.prediction.types import Prediction
 from sandra.scene.types import Ego, Scene
 
@@ -43,20 +44,21 @@ class Surroundings:
     """Whether the prediction relies on somebody's cutting in only as the law allows."""
 
     @staticmethod
-    def of(scene: Scene, set_based: Prediction) -> Surroundings:
-        """Prepare the searches of one decision, for `fail_safe`."""
+    def of(scene: Scene, set_based: Prediction, road: Road | None = None) -> Surroundings:
+        """Prepare the searches of one decision, for `fail_safe`; `road`: `Road.of(scene)`."""
         import shapely
 
         areas = tuple(conflict_areas(scene))
         occupied = Occupied.of(set_based)
+        low, high = extent(occupied.vertices)
         return Surroundings(
             scene.ego,
             tuple(each.obstacle.id for each in set_based.obstacles),
             occupied,
             np.repeat(np.arange(occupied.horizon), np.diff(occupied.first)),
-            occupied.vertices.min(axis=1) - occupied.radius[:, None],
-            occupied.vertices.max(axis=1) + occupied.radius[:, None],
-            Road.of(scene),
+            low - occupied.radius[:, None],
+            high + occupied.radius[:, None],
+            Road.of(scene) if road is None else road,
             areas,
             shapely.union_all([shapely.Polygon(x) for x in areas]) if areas else None,
             any("legal_cut_in" in each.assumptions for each in set_based.obstacles),

@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +20,7 @@ from sandra.logic import Atom, Comparison, Predicate, Specification
 from sandra.logic.evaluate import evaluate
 from sandra.logic.formula import atoms_of
 from sandra.planning.limits import MARGIN
+from sandra.planning.prepared import Prepared
 from sandra.planning.single_track import SPEED
 from sandra.planning.validity import corners
 from sandra.reach.ground import Ground
@@ -33,32 +33,32 @@ DISTANCE_MARGIN = 0.05
 """R_G1's safe distance is kept by this much [m]."""
 RELATIONS = ("current", "left", "right", "opposite")
 
+Area = tuple[Prepared, Prepared]
+"""Of a lane: (shrunk, grown) by `TOUCH_MARGIN`."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Lanes:
     """For each relation the areas of its lanes: (shrunk, grown) by `TOUCH_MARGIN`."""
 
-    areas: Mapping[str, tuple[tuple[Any, Any], ...]]
+    areas: Mapping[str, tuple[Area, ...]]
 
     @staticmethod
     def of(ground: Ground) -> Lanes:
         """The lanes that formulas can speak of."""
-        found: dict[str, tuple[tuple[Any, Any], ...]] = {}
+        found: dict[str, tuple[Area, ...]] = {}
         for relation in RELATIONS:
             lanes = [lane for lane in ground.scene.lanes if lane.relation == relation]
             found[relation] = tuple(_areas(ground, lane.lanelets) for lane in lanes)
         return Lanes(found)
 
 
-def _areas(ground: Ground, lanelets: tuple[int, ...]) -> tuple[Any, Any]:
+def _areas(ground: Ground, lanelets: tuple[int, ...]) -> Area:
     import shapely
 
     parts = [x.area() for x in ground.scene.lanelets if x.id in lanelets]
     area = shapely.union_all(parts)
-    shrunk, grown = area.buffer(-TOUCH_MARGIN), area.buffer(TOUCH_MARGIN)
-    shapely.prepare(shrunk)
-    shapely.prepare(grown)
-    return shrunk, grown
+    return Prepared(area.buffer(-TOUCH_MARGIN)), Prepared(area.buffer(TOUCH_MARGIN))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -157,14 +157,14 @@ def _predicate(
     raise FormulaError(f"unknown predicate '{atom}' in a formula that is to be planned for")
 
 
-def _touches(areas: tuple[tuple[Any, Any], ...], bodies: Array, sign: float) -> NDArray[np.bool_]:
+def _touches(areas: tuple[Area, ...], bodies: Array, sign: float) -> NDArray[np.bool_]:
     """Whether each body touches one of the areas; for sure if sign = 1, perhaps if -1."""
     import shapely
 
     found = np.zeros(len(bodies), dtype=np.bool_)
     polygons = shapely.polygons(bodies)
     for shrunk, grown in areas:
-        found |= shapely.intersects(shrunk if sign > 0 else grown, polygons)
+        found |= (shrunk if sign > 0 else grown).intersects(polygons)
     return found
 
 

@@ -7,17 +7,17 @@ by `deviation`: a point whose acceleration is at most c leaves its chord by at m
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sandra.planning.bounds import clear
 from sandra.planning.limits import slip
+from sandra.planning.prepared import Prepared
 from sandra.planning.single_track import HEADING, SPEED, STEERING
-from sandra.prediction.geometry import stack
+from sandra.prediction.geometry import extent, stack
 from sandra.prediction.types import Prediction
-from sandra.scene.types import Ego, Scene
+from sandra.scene.types import Ego, Region, Scene
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -32,6 +32,10 @@ SHORTEST_AXIS = 1e-9
 """Differences of two points that are no longer than this tell no direction [m]."""
 SLIT = 0.05
 """Gaps of up to twice this between neighbouring lanelets are no border of the road [m]."""
+
+
+BATCH = 512
+"""Distances of so many bodies are measured at once: they stay in the cache."""
 
 
 def corners(states: Array, ego: Ego) -> Array:
@@ -82,21 +86,26 @@ class Occupied:
     @staticmethod
     def of(prediction: Prediction) -> Occupied:
         """Prepare a prediction."""
-        owned = [
-            [
-                (region, index)
-                for index, obstacle in enumerate(prediction.obstacles)
-                for region in obstacle.between[k]
-            ]
-            for k in range(prediction.horizon)
-        ]
-        everything = [region for step in owned for region, _ in step]
-        owner = np.array([index for step in owned for _, index in step], dtype=int)
-        vertices = stack([region.vertices for region in everything])
-        radius = np.array([region.radius for region in everything], dtype=float)
-        middle = (vertices.min(axis=1) + vertices.max(axis=1)) / 2
-        reach = np.linalg.norm(vertices - middle[:, None], axis=2).max(axis=1) + radius
-        first = np.cumsum([0, *(len(step) for step in owned)])
+        every: list[Region] = []
+        counts: list[int] = []
+        for k in range(prediction.horizon):
+            for obstacle in prediction.obstacles:
+                every += obstacle.between[k]
+                counts.append(len(obstacle.between[k]))
+        number = len(prediction.obstacles)
+        owner = np.repeat(
+            np.tile(np.arange(number), prediction.horizon), np.array(counts, dtype=int)
+        )
+        vertices = stack([region.vertices for region in every])
+        radius = np.array([region.radius for region in every], dtype=float)
+        low, high = extent(vertices)
+        middle = (low + high) / 2
+        reach = radius.copy()
+        for column in range(vertices.shape[1]):
+            away = vertices[:, column] - middle
+            np.maximum(reach, np.sqrt(away[:, 0] ** 2 + away[:, 1] ** 2) + radius, out=reach)
+        per_step = np.reshape(np.array(counts, dtype=int), (prediction.horizon, number))
+        first = np.append(0, np.cumsum(per_step.sum(axis=1)))
         return Occupied(prediction.dt, vertices, radius, middle, reach, first, owner)
 
     @property
@@ -173,12 +182,21 @@ class Occupied:
         near = [(np.zeros(0, dtype=int),) * 3]
         for k in np.unique(interval).tolist():
             steps = np.flatnonzero(interval == k)
-            part = slice(int(self.first[k]), int(self.first[k + 1]))
-            offset = centre[:, steps, None, :] - self.middle[part]
-            distance2 = (offset**2).sum(axis=-1)
-            close = distance2 < (around[:, steps, None] + self.reach[part]) ** 2
+            part = np.arange(self.first[k], self.first[k + 1])
+            here, wide = centre[:, steps], around[:, steps]
+            # First those that are near to a box around all the bodies.
+            reach = (self.reach[part] + wide.max(initial=0.0))[:, None]
+            low = here.reshape(-1, 2).min(axis=0, initial=np.inf)
+            high = here.reshape(-1, 2).max(axis=0, initial=-np.inf)
+            part = part[
+                ((self.middle[part] >= low - reach) & (self.middle[part] <= high + reach)).all(
+                    axis=1
+                )
+            ]
+            x, y = (here[..., None, i] - self.middle[part, i] for i in (0, 1))
+            close = x**2 + y**2 < (wide[..., None] + self.reach[part]) ** 2
             row, step, region = np.nonzero(close)
-            near.append((row, steps[step], region + part.start))
+            near.append((row, steps[step], part[region]))
         row, step, region = (np.concatenate(x) for x in zip(*near, strict=True))
         body = corners(states, ego)
         hull = np.concatenate([body[row, step], body[row, step + 1]], axis=1)
@@ -197,6 +215,15 @@ def separation(hulls: Array, polygons: Array) -> Array:
     lower bound of the distance: the normals of both rectangles, of the lines between corresponding
     corners, of the polygon's edges, and the directions from the nearest point of each rectangle.
     """
+    found = np.empty(len(hulls))
+    for begin in range(0, len(hulls), BATCH):
+        part = slice(begin, begin + BATCH)
+        found[part] = _separation(hulls[part], polygons[part])
+    return found
+
+
+def _separation(hulls: Array, polygons: Array) -> Array:
+    """`separation` of so few that all fits into the cache."""
     front, back = hulls[:, 0:4], hulls[:, 4:8]
     edges = np.concatenate(
         [
@@ -208,7 +235,8 @@ def separation(hulls: Array, polygons: Array) -> Array:
         axis=1,
     )
     normals = np.stack([-edges[..., 1], edges[..., 0]], axis=-1)
-    middle = (polygons.min(axis=1) + polygons.max(axis=1)) / 2
+    low, high = extent(polygons)
+    middle = (low + high) / 2
     axes = np.concatenate(
         [
             normals,
@@ -217,13 +245,22 @@ def separation(hulls: Array, polygons: Array) -> Array:
         ],
         axis=1,
     )
-    size = np.linalg.norm(axes, axis=2, keepdims=True)
-    axes = axes / np.maximum(size, SHORTEST_AXIS)
-    ours = axes @ np.swapaxes(hulls, 1, 2)
-    theirs = axes @ np.swapaxes(polygons, 1, 2)
-    gap = np.maximum(theirs.min(axis=2) - ours.max(axis=2), ours.min(axis=2) - theirs.max(axis=2))
+    size = np.sqrt(axes[..., 0] ** 2 + axes[..., 1] ** 2)
+    axes = axes / np.maximum(size, SHORTEST_AXIS)[..., None]
+    ours = _range(axes @ np.swapaxes(hulls, 1, 2))
+    theirs = _range(axes @ np.swapaxes(polygons, 1, 2))
+    gap = np.maximum(theirs[0] - ours[1], ours[0] - theirs[1])
     # Without length it is no direction, and separates nothing.
-    return np.asarray(np.where(size[..., 0] > SHORTEST_AXIS, gap, -np.inf).max(axis=1))
+    return np.asarray(np.where(size > SHORTEST_AXIS, gap, -np.inf).max(axis=1))
+
+
+def _range(values: Array) -> tuple[Array, Array]:
+    """Smallest and largest of the last axis, one after another: it is short."""
+    low, high = values[..., 0].copy(), values[..., 0].copy()
+    for i in range(1, values.shape[-1]):
+        np.minimum(low, values[..., i], out=low)
+        np.maximum(high, values[..., i], out=high)
+    return low, high
 
 
 def _nearest(rectangles: Array, points: Array) -> Array:
@@ -240,11 +277,11 @@ def _nearest(rectangles: Array, points: Array) -> Array:
 class Road:
     """The union of all lanelets near the ego, prepared for containment tests."""
 
-    area: Any
-    """shapely geometry, eroded by `ROAD_MARGIN` and the largest deviation that is allowed."""
+    area: Prepared
+    """Eroded by `ROAD_MARGIN` and the largest deviation that is allowed."""
     allowed: float
     """Bodies may deviate by this much between grid points [m]."""
-    rough: Any
+    rough: Prepared
     """The same, grown by `ROUGH` instead."""
 
     @staticmethod
@@ -261,9 +298,7 @@ class Road:
         closed = union.buffer(SLIT, join_style="mitre").buffer(-SLIT, join_style="mitre")
         area = closed.buffer(-(ROAD_MARGIN + allowed), join_style="mitre")
         rough = closed.buffer(ROUGH, join_style="mitre")
-        shapely.prepare(area)
-        shapely.prepare(rough)
-        return Road(area, allowed, rough)
+        return Road(Prepared(area), allowed, Prepared(rough))
 
     def may_hold(self, states: Array, ego: Ego) -> Bools:
         """(N,) whether bodies (N, n+1) are on the road or nearly so, by their corners alone."""
@@ -273,11 +308,9 @@ class Road:
         """(N,) whether all corners of bodies (N, n+1) are on the road: needed, not enough."""
         return self._corners(self.area, states, ego)
 
-    def _corners(self, area: Any, states: Array, ego: Ego) -> Bools:
-        import shapely
-
+    def _corners(self, area: Prepared, states: Array, ego: Ego) -> Bools:
         body = corners(states, ego)
-        return np.asarray(shapely.contains_xy(area, body[..., 0], body[..., 1]).all(axis=(1, 2)))
+        return np.asarray(area.contains_xy(body[..., 0], body[..., 1]).all(axis=(1, 2)))
 
     def holds(self, states: Array, inputs: Array, tau: float, ego: Ego) -> Bools:
         """(N,) whether the bodies of trajectories (N, n+1, 5) are on the road at every instant."""
@@ -289,5 +322,5 @@ class Road:
             body = corners(states[row], ego)
             points = np.concatenate([body[:-1], body[1:]], axis=1)
             hulls = shapely.convex_hull(shapely.multipoints(points))
-            inside[row] = bool(shapely.covers(self.area, hulls).all())
+            inside[row] = bool(self.area.covers(hulls).all())
         return inside

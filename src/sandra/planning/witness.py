@@ -66,11 +66,10 @@ class Surroundings:
     lanes: Lanes
 
     @staticmethod
-    def of(ground: Ground) -> Surroundings:
-        """Prepare a ground."""
-        return Surroundings(
-            ground, Occupied.of(ground.prediction), Road.of(ground.scene), Lanes.of(ground)
-        )
+    def of(ground: Ground, road: Road | None = None) -> Surroundings:
+        """Prepare a ground; `road`: `Road.of(ground.scene)`."""
+        road = Road.of(ground.scene) if road is None else road
+        return Surroundings(ground, Occupied.of(ground.prediction), road, Lanes.of(ground))
 
 
 def witness(

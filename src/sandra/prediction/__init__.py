@@ -7,6 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import numpy as np
+from numpy.typing import NDArray
+
 from sandra.errors import SettingsError
 from sandra.prediction.bodies import with_bodies
 from sandra.prediction.checks import check_prediction, check_scene
@@ -17,6 +20,8 @@ from sandra.scene.types import Scene
 from sandra.settings import Settings
 
 __all__ = ["KINDS", "PredictedObstacle", "Prediction", "PredictionSource", "Predictor", "predict"]
+
+Array = NDArray[np.float64]
 
 KINDS = ("recorded", "most-likely", "constant-velocity", "set-based")
 
@@ -34,6 +39,7 @@ def predict(
     settings: Settings | None = None,
     *,
     instants: bool = True,
+    near: Array | None = None,
 ) -> Prediction:
     """Predict all other participants over `horizon` steps of `scene.dt`.
 
@@ -47,6 +53,9 @@ def predict(
         settings: the assumptions of the set-based prediction; default `Settings()`.
         instants: False where only regions between the steps are asked for: set-based regions at
             the steps are then those of the step before, and cost nothing.
+        near: (h,) distances from the ego's present position [m], ascending. The set-based region
+            of whoever cannot come as near in a step is only a disc, which holds whatever it may
+            do; needs `instants` False.
 
     Returns:
         The prediction; `notes` says in words what had to be assumed.
@@ -63,11 +72,13 @@ def predict(
         return check_prediction(kind, scene, horizon)
     if callable(kind):
         return check_prediction(kind(scene, horizon, settings), scene, horizon)
+    if near is not None and (instants or np.shape(near) != (horizon,)):
+        raise SettingsError(f"near needs one distance for each of {horizon} steps, and no instants")
     if kind not in KINDS:
         raise SettingsError(f"unknown prediction {kind!r}: choose from {', '.join(KINDS)}")
     likely, notes = trajectories(scene, horizon, use_recordings=kind != "constant-velocity")
     if kind == "set-based":
         notes = tuple(f"most likely trajectories: {note}" for note in notes)
-        obstacles, more = predict_sets(scene, likely, horizon, settings, instants)
+        obstacles, more = predict_sets(scene, likely, horizon, settings, instants, near)
         return Prediction(kind, scene.dt, horizon, obstacles, notes + more)
     return Prediction(kind, scene.dt, horizon, with_bodies(likely, scene.dt), notes)

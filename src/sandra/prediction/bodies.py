@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -22,21 +23,22 @@ Regions = tuple[tuple[Region, ...], ...]
 
 def with_bodies(several: Iterable[Likely], dt: float) -> tuple[PredictedObstacle, ...]:
     """Each participant with its regions at and between its states (time step `dt` [s])."""
-    places = [(likely, _at(likely, dt)) for likely in several]
-    pairs = [
-        np.concatenate([now[0].vertices, then[0].vertices])
-        for likely, at in places
-        if _drives(likely)
-        for now, then in pairwise(at)
-        if now and then
-    ]
-    swept = iter(hulls(pairs))
-    return tuple(
-        PredictedObstacle(
-            likely.obstacle, at, _between(likely, at, swept), likely.states, likely.assumptions
+    several = tuple(several)
+    driving = {id(each): _driven(each) for each in several if _drives(each)}
+    swept = iter(hulls([cloud for bodies in driving.values() for cloud in bodies.clouds]))
+    found = []
+    for likely in several:
+        bodies = driving.get(id(likely))
+        if bodies is not None:
+            at, between = bodies.at, bodies.between(swept)
+        else:
+            at = _at(likely, dt)
+            fixed = is_fixed(likely.obstacle)
+            between = at[1:] if fixed else tuple(now + then for now, then in pairwise(at))
+        found.append(
+            PredictedObstacle(likely.obstacle, at, between, likely.states, likely.assumptions)
         )
-        for likely, at in places
-    )
+    return tuple(found)
 
 
 def _drives(likely: Likely) -> bool:
@@ -44,14 +46,46 @@ def _drives(likely: Likely) -> bool:
     return not is_fixed(likely.obstacle) and RECORDED_SETS not in likely.assumptions
 
 
-def _at(likely: Likely, dt: float) -> Regions:
-    """The regions at each state."""
-    obstacle, states = likely.obstacle, likely.states
-    if _drives(likely):
+@dataclass(frozen=True, slots=True, eq=False)
+class _Driven:
+    """A body along its states.
+
+    `clouds` are the vertices at both ends of each step in which it is there at both; of the hull
+    of a step's vertices corners bulge out by `margins` (h,) [m].
+    """
+
+    at: Regions
+    clouds: list[Array]
+    margins: list[float]
+
+    def between(self, swept: Iterator[Array]) -> Regions:
+        """The regions during each step; takes the hulls of the clouds."""
         return tuple(
-            (obstacle.outline.placed(*row[:3].tolist()),) if math.isfinite(row[0]) else ()
-            for row in states
+            (Region(next(swept), margin),) if now and then else now or then
+            for (now, then), margin in zip(pairwise(self.at), self.margins, strict=True)
         )
+
+
+def _driven(likely: Likely) -> _Driven:
+    outline, states = likely.obstacle.outline, likely.states
+    there = np.isfinite(states[:, 0])
+    vertices = outline.vertices_at(states[:, :3])
+    at = tuple(
+        (Region(body, outline.radius),) if present else ()
+        for body, present in zip(vertices, there.tolist(), strict=True)
+    )
+    clouds = np.concatenate([vertices[:-1], vertices[1:]], axis=1)[there[:-1] & there[1:]]
+    # Linear motion, turning at a constant rate: corners bulge out of the hull of both bodies
+    # by the error of linear interpolation, r dtheta^2 / 8.
+    turn = np.diff(states[:, 2])
+    turn = (turn + math.pi) % (2 * math.pi) - math.pi
+    margins = outline.radius + circumscribed(outline) * turn**2 / 8
+    return _Driven(at, list(clouds), margins.tolist())
+
+
+def _at(likely: Likely, dt: float) -> Regions:
+    """The regions at each state of what is fixed, or recorded as sets."""
+    obstacle, states = likely.obstacle, likely.states
     if is_fixed(obstacle):
         s = obstacle.state
         return ((obstacle.outline.placed(s.x, s.y, s.heading),),) * len(states)
@@ -64,24 +98,3 @@ def _at(likely: Likely, dt: float) -> Regions:
         )
         for k in range(len(states))
     )
-
-
-def _between(likely: Likely, at: Regions, swept: Iterator[Array]) -> Regions:
-    """The regions during each step; takes the hulls of a driving body at both ends of `swept`."""
-    if is_fixed(likely.obstacle):
-        return at[1:]
-    if not _drives(likely):
-        return tuple(now + then for now, then in pairwise(at))
-    outline, states = likely.obstacle.outline, likely.states
-    radius = circumscribed(outline)
-    between: list[tuple[Region, ...]] = []
-    for k, (now, then) in enumerate(pairwise(at)):
-        if not now or not then:
-            between.append(now or then)
-            continue
-        # Linear motion, turning at a constant rate: corners bulge out of the hull of both bodies
-        # by the error of linear interpolation, r dtheta^2 / 8.
-        turn = states[k + 1, 2] - states[k, 2]
-        turn = (turn + math.pi) % (2 * math.pi) - math.pi
-        between.append((Region(next(swept), outline.radius + radius * float(turn) ** 2 / 8),))
-    return tuple(between)

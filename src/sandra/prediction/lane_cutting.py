@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -34,7 +34,7 @@ def build_map(lanelets: tuple[Lanelet, ...], reach: float, shared: bool = True) 
         ScenarioError: if a border has NaN or infinite coordinates.
     """
     known = {lanelet.id for lanelet in lanelets}
-    strips = {lanelet.id: _strip(lanelet, known, reach) for lanelet in lanelets}
+    strips = {strip.id: strip for strip in _strips(lanelets, known, reach)}
     if shared:
         _share_progress(strips)
     return LaneMap.of(strips)
@@ -71,72 +71,126 @@ def _with_progress(strip: Strip, progress: Array) -> Strip:
     )
 
 
-def _strip(lanelet: Lanelet, known: set[int], reach: float) -> Strip:
+def _strips(lanelets: tuple[Lanelet, ...], known: set[int], reach: float) -> Iterator[Strip]:
+    """Cut all lanelets at once: arrays over all cross-sections, one lanelet after another."""
+    if not lanelets:
+        return
+    borders = [_borders(lanelet, known, reach) for lanelet in lanelets]
+    sizes = np.array([len(right) for right, _, _ in borders])
+    begins = np.cumsum(sizes) - sizes
+    edges = np.delete(np.arange(sizes.sum()), begins + sizes - 1)
+    sides = [np.concatenate([each[side] for each in borders]) for side in (0, 1)]
+    longest = np.maximum(*(_lengths(side[edges + 1] - side[edges]) for side in sides))
+    counts = np.concatenate([each for _, _, each in borders])
+    counts = np.where(counts > 0, counts, np.maximum(1, np.ceil(longest / CELL))).astype(int)
+    right, left = (_divided(side, begins, sizes, edges, counts) for side in sides)
+    per_lanelet = np.add.reduceat(counts, begins - np.arange(len(sizes)))
+    ends = np.cumsum(per_lanelet + 1)
+    firsts = ends - per_lanelet - 1
+
+    centre = (right + left) / 2
+    ways = _lengths(np.diff(centre, axis=0))
+    s = np.zeros(len(centre))
+    for first, end in zip(firsts.tolist(), ends.tolist(), strict=True):
+        np.cumsum(ways[first : end - 1], out=s[first + 1 : end])
+    tangent = np.empty_like(centre)
+    tangent[1:-1] = (centre[2:] - centre[:-2]) / 2
+    tangent[firsts] = centre[firsts + 1] - centre[firsts]
+    tangent[ends - 1] = centre[ends - 1] - centre[ends - 2]
+    tangent /= np.maximum(_lengths(tangent), 1e-12)[:, None]
+    width = _lengths(left - right)
+    sideways = np.column_stack([-tangent[:, 1], tangent[:, 0]])
+    across = np.where(
+        width[:, None] > 1e-6, (left - right) / np.maximum(width, 1e-6)[:, None], sideways
+    )
+    upright = np.clip((across * sideways).sum(axis=1), 0.2, 1.0)
+    stretch = 1.0 / np.minimum.reduceat(upright, firsts)
+    # How far the ends of a slanted cross-section are ahead of its middle.
+    lead = width / 2 * (across * tangent).sum(axis=1)
+    progress = np.column_stack([s - lead, s + lead])
+    low, high = progress.min(axis=1), progress.max(axis=1)
+    behind, ahead = np.minimum(low[:-1], low[1:]), np.maximum(high[:-1], high[1:])
+    cells = np.stack([right[:-1], right[1:], left[1:], left[:-1]], axis=1)
+    for number, lanelet in enumerate(lanelets):
+        own = slice(int(firsts[number]), int(ends[number]))
+        between = slice(own.start, own.stop - 1)
+        steps = counts[begins[number] - number :][: sizes[number] - 1]
+        same = (lanelet.adjacent_left, lanelet.adjacent_right)
+        left_id, right_id = (a[0] if a and a[1] and a[0] in known else None for a in same)
+        yield Strip(
+            id=lanelet.id,
+            s=s[own],
+            right=right[own],
+            left=left[own],
+            centre=centre[own],
+            across=across[own],
+            half=width[own] / 2,
+            progress=progress[own],
+            behind=behind[between],
+            ahead=ahead[between],
+            stretch=float(stretch[number]),
+            cells=cells[between],
+            corners=np.concatenate([[0], np.cumsum(steps)]).astype(np.int64),
+            successors=tuple(i for i in lanelet.successors if i in known),
+            predecessors=tuple(i for i in lanelet.predecessors if i in known),
+            left_id=left_id,
+            right_id=right_id,
+            shared=frozenset(),
+        )
+
+
+def _borders(lanelet: Lanelet, known: set[int], reach: float) -> tuple[Array, Array, Array]:
+    """The right and left border, continued where the map ends, and how to divide their edges.
+
+    The third array has for each edge the number of its cells, 0 where its length decides.
+    """
     right = np.asarray(lanelet.right, dtype=float)
     left = np.asarray(lanelet.left, dtype=float)
     if not (np.isfinite(right).all() and np.isfinite(left).all()):
         raise ScenarioError(
             f"lanelet {lanelet.id}: its borders hold NaN or infinite coordinates; correct the map"
         )
-    successors = tuple(i for i in lanelet.successors if i in known)
-    predecessors = tuple(i for i in lanelet.predecessors if i in known)
-    steps = _cell_counts(right, left, CELL)
-    if not predecessors:
+    counts = [0] * (len(right) - 1)
+    if known.isdisjoint(lanelet.predecessors):
         shift = _end_direction(right[::-1], left[::-1]) * BACKWARD_EXTENSION
         right = np.vstack([right[0] + shift, right])
         left = np.vstack([left[0] + shift, left])
-        steps = [int(np.ceil(BACKWARD_EXTENSION / EXTENSION_CELL)), *steps]
-    if not successors and reach > 0:
+        counts = [int(np.ceil(BACKWARD_EXTENSION / EXTENSION_CELL)), *counts]
+    if known.isdisjoint(lanelet.successors) and reach > 0:
         shift = _end_direction(right, left) * reach
         right = np.vstack([right, right[-1] + shift])
         left = np.vstack([left, left[-1] + shift])
-        steps = [*steps, int(np.ceil(reach / EXTENSION_CELL))]
-    knots = np.concatenate([[0.0], *(i + (np.arange(n) + 1) / n for i, n in enumerate(steps))])
-    original = np.arange(len(right))
-    right = np.column_stack([np.interp(knots, original, right[:, i]) for i in (0, 1)])
-    left = np.column_stack([np.interp(knots, original, left[:, i]) for i in (0, 1)])
-    centre = (right + left) / 2
-    s = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(centre, axis=0), axis=1))])
-    tangent = np.gradient(centre, axis=0)
-    tangent /= np.maximum(np.linalg.norm(tangent, axis=1), 1e-12)[:, None]
-    width = np.linalg.norm(left - right, axis=1)
-    sideways = np.column_stack([-tangent[:, 1], tangent[:, 0]])
-    across = np.where(
-        width[:, None] > 1e-6, (left - right) / np.maximum(width, 1e-6)[:, None], sideways
-    )
-    upright = np.clip((across * sideways).sum(axis=1), 0.2, 1.0)
-    # How far the ends of a slanted cross-section are ahead of its middle.
-    lead = width / 2 * (across * tangent).sum(axis=1)
-    progress = np.column_stack([s - lead, s + lead])
-    cells = np.stack([right[:-1], right[1:], left[1:], left[:-1]], axis=1)
-    same = (lanelet.adjacent_left, lanelet.adjacent_right)
-    left_id, right_id = (a[0] if a and a[1] and a[0] in known else None for a in same)
-    plain = Strip(
-        id=lanelet.id,
-        s=s,
-        right=right,
-        left=left,
-        centre=centre,
-        across=across,
-        half=width / 2,
-        progress=progress,
-        behind=s[:-1],
-        ahead=s[1:],
-        stretch=float(1.0 / upright.min()),
-        cells=cells,
-        corners=np.concatenate([[0], np.cumsum(steps)]).astype(np.int64),
-        successors=successors,
-        predecessors=predecessors,
-        left_id=left_id,
-        right_id=right_id,
-        shared=frozenset(),
-    )
-    return _with_progress(plain, progress)
+        counts = [*counts, int(np.ceil(reach / EXTENSION_CELL))]
+    return right, left, np.array(counts)
 
 
-def _cell_counts(right: Array, left: Array, longest: float) -> list[int]:
-    sides = [np.linalg.norm(np.diff(side, axis=0), axis=1) for side in (right, left)]
-    return [max(1, int(n)) for n in np.ceil(np.maximum(*sides) / longest)]
+def _divided(line: Array, begins: Index, sizes: Index, edges: Index, counts: Index) -> Array:
+    """Polylines one after another, each edge divided evenly into so many parts.
+
+    Args:
+        line: (n, 2) all corners. begins, sizes: of each polyline. edges: the corners at which
+            edges begin. counts: parts of each edge.
+    """
+    owner = np.repeat(np.arange(len(sizes)), sizes - 1)
+    part_of = np.repeat(np.arange(len(edges)), counts)
+    number = np.arange(len(part_of)) - np.repeat(np.cumsum(counts) - counts, counts) + 1
+    local = (edges - begins[owner])[part_of]
+    start = edges[part_of]
+    share = (local + number / counts[part_of]) - local
+    parts = line[start] + share[:, None] * (line[start + 1] - line[start])
+    last = number == counts[part_of]
+    parts[last] = line[start[last] + 1]
+    found = np.empty((len(parts) + len(sizes), 2))
+    places = np.arange(len(parts)) + owner[part_of] + 1
+    found[places] = parts
+    is_first = np.ones(len(found), dtype=bool)
+    is_first[places] = False
+    found[is_first] = line[begins]
+    return found
+
+
+def _lengths(vectors: Array) -> Array:
+    return np.asarray(np.sqrt(vectors[:, 0] ** 2 + vectors[:, 1] ** 2))
 
 
 def _end_direction(right: Array, left: Array) -> Array:

@@ -106,6 +106,7 @@ class _Growing:
 
     def __init__(self, table: LaneTable, ego_lane: frozenset[int]) -> None:
         self.table, self.ego_lane = table, ego_lane
+        self.widths = {x.id: (float(x.half.min()), float(x.half.max())) for x in table.strips}
         self.nodes: list[tuple[int, int, int, float, bool]] = []
         self.ends: list[tuple[int, int, bool, float, float]] = []
         self.sides: list[tuple[int, int, bool, float, float, bool]] = []
@@ -149,12 +150,9 @@ class _Growing:
                         self.ends.append((source, target, forward, *shift))
             for beside, left in ((strip.left_id, True), (strip.right_id, False)):
                 if beside is not None and beside in segments:
-                    half = strips[beside].half
                     keeps = beside in strip.shared and not vehicle.reversing
                     target = node(beside, self._sideways(lanelet, how, beside))
-                    self.sides.append(
-                        (source, target, left, float(half.min()), float(half.max()), keeps)
-                    )
+                    self.sides.append((source, target, left, *self.widths[beside], keeps))
 
     def graph(self) -> LaneGraph:
         segment, lanelet, how, lateral, reversing = zip(*self.nodes, strict=True)
@@ -166,7 +164,7 @@ class _Growing:
             np.array(segment),
             np.array(lanelet),
             np.array(how),
-            np.array([float(x.half.max()) for x in strips]),
+            np.array([self.widths[x.id][1] for x in strips]),
             np.array([x.stretch for x in strips]),
             np.array(lateral),
             np.array(reversing),

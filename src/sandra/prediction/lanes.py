@@ -92,11 +92,15 @@ class LaneMap:
         first = np.concatenate([[0], np.cumsum([len(x) for x in cells])])
         return LaneMap(strips, first, every.min(axis=1), every.max(axis=1))
 
+    def near(self, low: Array, high: Array) -> NDArray[np.bool_]:
+        """(N,) the cells whose boxes meet the box between two corners (2,) [m]."""
+        (x0, y0), (x1, y1) = self.low.T, self.high.T
+        return np.asarray((x0 <= high[0]) & (y0 <= high[1]) & (x1 >= low[0]) & (y1 >= low[1]))
+
     def places(self, x: float, y: float, heading: float, tolerance: float) -> list[Place]:
         """Every lanelet that holds the point (up to `tolerance` [m])."""
         point = np.array([x, y])
-        beside = ((point < self.low - tolerance) | (point > self.high + tolerance)).any(axis=1)
-        within = np.flatnonzero(~beside)
+        within = np.flatnonzero(self.near(point - tolerance, point + tolerance))
         owner = self.cell.searchsorted(within, side="right") - 1
         strips = tuple(self.strips.values())
         found = []

@@ -6,12 +6,15 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sandra.errors import SettingsError
 from sandra.prediction.lanes import LaneMap, Place
 from sandra.prediction.motion import Bounds
 from sandra.scene.types import Obstacle, Scene, State
 from sandra.settings import Assumptions, Settings
+
+Array = NDArray[np.float64]
 
 LANE_KINDS = frozenset({"car", "truck", "bus", "taxi", "motorcycle", "priorityVehicle"})
 """Participants that drive on lanes; bicycles do too, but may leave them at any time."""
@@ -62,8 +65,10 @@ def check_assumptions(assumptions: Assumptions) -> None:
             raise SettingsError(f"assumptions.{name} = {value!r} must be a finite number >= 0")
 
 
-def observe(obstacle: Obstacle, state: State, lane_map: LaneMap, a: Assumptions) -> Observed:
-    """Choose the assumptions for one participant; drop those that its state violates."""
+def motion_bounds(
+    obstacle: Obstacle, state: State, a: Assumptions
+) -> tuple[Bounds, list[str], list[str]]:
+    """The bounds on a participant's motion, and which assumptions hold or are dropped for them."""
     speed = state.speed if obstacle.speed_is_known else None
     pedestrian = obstacle.kind == "pedestrian"
     allowed = a.pedestrian_max_speed if pedestrian else a.max_speed
@@ -77,21 +82,20 @@ def observe(obstacle: Obstacle, state: State, lane_map: LaneMap, a: Assumptions)
         dropped.append(name)
     else:
         holds.append(name)
-
-    on_lanes = obstacle.kind in LANE_KINDS
-    bounded = a.bounded_heading and on_lanes
+    bounded = a.bounded_heading and obstacle.kind in LANE_KINDS
     if bounded:
         holds.append("bounded_heading")
-    bounds = Bounds(
-        acceleration,
-        fastest,
-        speed,
-        a.min_turning_radius if bounded else 0.0,
-        a.max_slip_angle,
-    )
+    radius = a.min_turning_radius if bounded else 0.0
+    return Bounds(acceleration, fastest, speed, radius, a.max_slip_angle), holds, dropped
+
+
+def observe(obstacle: Obstacle, state: State, lane_map: LaneMap, a: Assumptions) -> Observed:
+    """Choose the assumptions for one participant; drop those that its state violates."""
+    bounds, holds, dropped = motion_bounds(obstacle, state, a)
+    speed = bounds.speed
     places: tuple[Place, ...] = ()
     lateral, reversing = math.inf, True
-    if on_lanes and a.stay_on_carriageway:
+    if obstacle.kind in LANE_KINDS and a.stay_on_carriageway:
         everywhere = lane_map.places(state.x, state.y, state.heading, ON_LANE)
         places = tuple(p for p in everywhere if abs(p.relative_heading) <= WRONG_WAY)
         (holds if places else dropped).append("stay_on_carriageway")
@@ -132,10 +136,25 @@ def safe_distance(v_ego: float, v_other: float, settings: Settings) -> float:
     return max(0.0, braking + v_ego * settings.t_d)
 
 
+def along_lane(scene: Scene, places: Array) -> Array:
+    """(n,) s along the ego's lane of places (n, 2) [m]; NaN where the ego has no lane."""
+    lane = next((lane for lane in scene.lanes if lane.relation == "current"), None)
+    if lane is None:
+        return np.full(len(places), np.nan)
+    return lane.frame.to_curvilinear(places)[:, 0]
+
+
 def towards_ego(
-    scene: Scene, obstacle: Obstacle, state: State, seen: Observed, settings: Settings
+    scene: Scene,
+    obstacle: Obstacle,
+    state: State,
+    seen: Observed,
+    settings: Settings,
+    s: tuple[float, float] | None = None,
 ) -> TowardsEgo:
     """Apply `no_rear_end` and `legal_cut_in` to one participant.
+
+    `s` of the ego and of the participant along the ego's lane [m], if that is known already.
 
     With s along the ego's lane at the start, in the ego's lane and s(o) < s(ego): `no_rear_end`.
     Anyone on lanes, unless it is in the ego's lane ahead of the ego: `legal_cut_in` lets it
@@ -150,8 +169,11 @@ def towards_ego(
     if lane is None or not seen.places or not (a.no_rear_end or a.legal_cut_in):
         return NOTHING
     ego = scene.ego
-    points = np.array([[ego.state.x, ego.state.y], [state.x, state.y]])
-    s_ego, s_other = lane.frame.to_curvilinear(points)[:, 0].tolist()
+    if s is None:
+        places = np.array([[ego.state.x, ego.state.y], [state.x, state.y]])
+        s_ego, s_other = along_lane(scene, places).tolist()
+    else:
+        s_ego, s_other = s
     in_lane = any(p.lanelet in lane.lanelets for p in seen.places)
     behind = in_lane and s_other < s_ego
     gap = (s_other - obstacle.length / 2) - (s_ego + ego.length / 2)

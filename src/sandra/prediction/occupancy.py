@@ -84,7 +84,8 @@ def lane_occupancies(
     touched = touch(table, vehicles, radii)
     entries, relied_on = _followed(table, vehicles, touched, scope)
     rows = len(vehicles[0].offsets)
-    first_row = 1 if scope.instants else rows // 2 + 1
+    begin = 1 if scope.instants else rows // 2 + 1
+    first_row = np.array([begin + x.skipped for x in vehicles])
     pieces = Pieces.of(table, touched, entries, first_row)
     edges = _edges(table, vehicles, radii, touched, entries, pieces, scope, relied_on)
     found: list[list[list[Region]]] = [[[] for _ in range(rows)] for _ in vehicles]
@@ -168,10 +169,7 @@ def _overhang(table: LaneTable, vehicle: Vehicle, road: Mask, radius: float, mos
     """How far the body may stick out: as far as it does now, if that is farther [m]."""
     corners = vehicle.start_body.vertices
     middle, reach = corners.mean(axis=0), 3 * radius + 5.0
-    near = (table.map.low < middle + reach).all(axis=1) & (table.map.high > middle - reach).all(
-        axis=1
-    )
-    cells = np.flatnonzero(near & road)
+    cells = np.flatnonzero(table.map.near(middle - reach, middle + reach) & road)
     if not len(cells):
         return most
     out = distance(corners[:, None], table.cells[cells]).min(axis=1)

@@ -50,15 +50,16 @@ class Pieces:
     bounds: Array
 
     @staticmethod
-    def of(table: LaneTable, touched: Touched, entries: Entries, first_row: int) -> Pieces:
-        """The slices of the entries' lanelets that are touched, in `first_row` and later ones."""
+    def of(table: LaneTable, touched: Touched, entries: Entries, first_row: Ints) -> Pieces:
+        """The slices of the entries' lanelets that are touched, from row `first_row` (V,) on."""
         counts = np.diff(table.slice)[entries.lanelet]
         entry = np.repeat(np.arange(len(counts)), counts)
         start = table.slice[entries.lanelet] - (np.cumsum(counts) - counts)
         part = start[entry] + np.arange(len(entry))
         ahead = np.array([x.ahead for x in table.slices])
         kept = touched.slices[entries.vehicle[entry], entries.row[entry], part]
-        kept &= (entries.m[entry] <= ahead[part]) & (entries.row[entry] >= first_row)
+        wanted = entries.row >= first_row[entries.vehicle]
+        kept &= (entries.m[entry] <= ahead[part]) & wanted[entry]
         entry, part = entry[kept], part[kept]
         m, low, high = entries.m[entry], entries.low[entry], entries.high[entry]
         return Pieces(

@@ -20,6 +20,7 @@ concern the ego's *current* lane only: in a neighbouring lane, nothing is left o
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -33,16 +34,20 @@ from sandra.prediction.lane_table import LaneTable
 from sandra.prediction.lanes import LaneMap
 from sandra.prediction.most_likely import Likely
 from sandra.prediction.motion import (
+    MARGIN,
     POSITION_DIRECTIONS,
     bodies,
+    circumscribed,
     heading_change,
     position_offsets,
     travelled,
 )
 from sandra.prediction.observed import (
     NOTHING,
+    along_lane,
     check_assumptions,
     is_fixed,
+    motion_bounds,
     observe,
     towards_ego,
 )
@@ -55,14 +60,19 @@ from sandra.prediction.occupancy import (
 )
 from sandra.prediction.touched import Vehicle
 from sandra.prediction.types import PredictedObstacle
-from sandra.scene.types import Obstacle, Scene, State
-from sandra.settings import Settings
+from sandra.scene.types import Obstacle, Region, Scene, State
+from sandra.settings import Assumptions, Settings
 
 Array = NDArray[np.float64]
 
 
 def predict_sets(
-    scene: Scene, likely: tuple[Likely, ...], horizon: int, settings: Settings, instants: bool
+    scene: Scene,
+    likely: tuple[Likely, ...],
+    horizon: int,
+    settings: Settings,
+    instants: bool = True,
+    near: Array | None = None,
 ) -> tuple[tuple[PredictedObstacle, ...], tuple[str, ...]]:
     """The set-based prediction of all others.
 
@@ -72,6 +82,7 @@ def predict_sets(
         horizon: number of steps h.
         settings: for the assumptions, and R_G1's safe distance in `legal_cut_in`.
         instants: whether tight regions at each t_k are wanted; else those of the step before.
+        near: (h,) who cannot come as near to the ego's present position in a step gets a disc [m].
 
     Returns:
         The predictions, and notes in words.
@@ -82,7 +93,12 @@ def predict_sets(
     """
     check_assumptions(settings.assumptions)
     lane_map = build_map(scene.lanelets, _reach(scene, horizon, settings) + 1.0)
-    plans = [_plan(scene, each, lane_map, horizon, settings) for each in likely]
+    states = (scene.ego.state, *(_first_seen(each.obstacle)[1] for each in likely))
+    s_ego, *s = along_lane(scene, np.array([(x.x, x.y) for x in states])).tolist()
+    plans = [
+        _plan(scene, each, lane_map, horizon, settings, near, (s_ego, s_other))
+        for each, s_other in zip(likely, s, strict=True)
+    ]
     lane = next((lane for lane in scene.lanes if lane.relation == "current"), None)
     scope = Scope(
         scene.dt,
@@ -90,12 +106,16 @@ def predict_sets(
         settings.assumptions.max_overhang,
         instants,
     )
-    occupancies = _occupancies([plan.vehicle for plan in plans if plan], lane_map, scope)
+    moving = [plan.vehicle for plan in plans if isinstance(plan, _Plan)]
+    occupancies = _occupancies(moving, lane_map, scope)
     found: list[PredictedObstacle] = []
     relied_on: dict[str, list[int]] = {"no_rear_end": [], "legal_cut_in": []}
     for each, plan in zip(likely, plans, strict=True):
         if plan is None:
             found += with_bodies([each], scene.dt)
+            continue
+        if isinstance(plan, PredictedObstacle):
+            found.append(plan)
             continue
         occupancy = next(occupancies)
         prediction = _prediction(each, plan, occupancy, horizon, instants)
@@ -137,23 +157,41 @@ def _occupancies(vehicles: list[Vehicle], lane_map: LaneMap, scope: Scope) -> It
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Plan:
-    """One participant that moves; it is first seen at step `first` (beyond the horizon: never)."""
+    """One participant that moves; it is first seen at step `first` (beyond the horizon: never).
+
+    `discs` are its regions as long as it is far away.
+    """
 
     first: int
     vehicle: Vehicle
+    discs: Regions
 
 
 def _plan(
-    scene: Scene, likely: Likely, lane_map: LaneMap, horizon: int, settings: Settings
-) -> _Plan | None:
-    """None for what does not move."""
+    scene: Scene,
+    likely: Likely,
+    lane_map: LaneMap,
+    horizon: int,
+    settings: Settings,
+    near: Array | None = None,
+    s: tuple[float, float] | None = None,
+) -> _Plan | PredictedObstacle | None:
+    """None for what does not move; the prediction itself for what stays far away."""
     obstacle = likely.obstacle
     if is_fixed(obstacle):
         return None
     first, state = _first_seen(obstacle)
+    discs: Regions = ()
+    if near is not None and first == 0:
+        anywhere = _discs(likely, state, scene.dt, horizon, settings.assumptions)
+        away = math.dist((state.x, state.y), (scene.ego.state.x, scene.ego.state.y))
+        far = away > near + np.array([disc.radius for (disc,) in anywhere.between])
+        if far.all():
+            return anywhere
+        discs = anywhere.between[: int(far.argmin())]
     now = obstacle.outline.placed(state.x, state.y, state.heading)
     seen = observe(obstacle, state, lane_map, settings.assumptions)
-    law = towards_ego(scene, obstacle, state, seen, settings) if first == 0 else NOTHING
+    law = towards_ego(scene, obstacle, state, seen, settings, s) if first == 0 else NOTHING
     normals = directions(POSITION_DIRECTIONS, state.heading)
     times: Array = scene.dt * np.arange(horizon + 1, dtype=np.float64)
     offsets = position_offsets(state, seen.bounds, times, normals)
@@ -163,7 +201,25 @@ def _plan(
     offsets[steps + 1 :], during[steps:] = -np.inf, -np.inf
     rows = np.concatenate([offsets, during])
     body = bodies(obstacle.outline, state.heading, heading_change(seen.bounds, times))
-    return _Plan(first, Vehicle(seen, law, obstacle.outline, now, normals, rows, body))
+    vehicle = Vehicle(seen, law, obstacle.outline, now, normals, rows, body, len(discs))
+    return _Plan(first, vehicle, discs)
+
+
+def _discs(
+    likely: Likely, state: State, dt: float, horizon: int, assumptions: Assumptions
+) -> PredictedObstacle:
+    """The farthest that a participant may come in any direction, by its assumptions on motion."""
+    obstacle = likely.obstacle
+    bounds, holds, dropped = motion_bounds(obstacle, state, assumptions)
+    times: Array = dt * np.arange(horizon + 1, dtype=np.float64)
+    speed = bounds.v_max if bounds.speed is None else abs(bounds.speed)
+    radii = travelled(np.array(speed), bounds.a_max, bounds.v_max, times)
+    radii = radii + circumscribed(obstacle.outline) + MARGIN
+    centre = np.array([[state.x, state.y]])
+    discs = tuple((Region(centre, radius),) for radius in radii.tolist())
+    return PredictedObstacle(
+        obstacle, discs, discs[1:], likely.states, tuple(holds), tuple(dropped)
+    )
 
 
 def _prediction(
@@ -174,7 +230,7 @@ def _prediction(
     if first > horizon:
         return PredictedObstacle(obstacle, ((),) * (horizon + 1), ((),) * horizon, likely.states)
     steps = horizon - first
-    between = occupancy.rows[horizon + 1 : horizon + 1 + steps]
+    between = plan.discs + occupancy.rows[horizon + 1 + len(plan.discs) : horizon + 1 + steps]
     later = occupancy.rows[1 : steps + 1] if instants else between
     now: Regions = ((vehicle.start_body,),)
     absent: Regions = ((),) * first

@@ -39,6 +39,8 @@ class Vehicle:
     """(T, J) normal . p <= offset for all reachable positions p [m]; -inf beyond the horizon."""
     bodies: Array
     """(h + 1, W, 2) batch of bodies around the origin, growing with each step [m]."""
+    skipped: int = 0
+    """So many of the first intervals nobody asks for."""
 
 
 def bodies_of(vehicles: Sequence[Vehicle], vehicle: Ints, row: Ints) -> Array:
@@ -82,12 +84,12 @@ def touch(table: LaneTable, vehicles: Sequence[Vehicle], radii: Array) -> Touche
     for v, (vehicle, radius) in enumerate(zip(vehicles, radii, strict=True)):
         nearest = table.nearest(vehicle.normals)
         widest = vehicle.offsets.max(axis=0)[:, None] + ROUNDING
-        around.append((nearest <= widest + (2 * radius + 1.0)).all(axis=0))
+        around.append(_all(nearest <= widest + (2 * radius + 1.0)))
         start = [p.lanelet for p in vehicle.seen.places]
         reachable = np.zeros(len(table.strips), dtype=bool)
         for i in table.map.reachable(start, vehicle.seen.reversing):
             reachable[table.number[i]] = True
-        cells = np.flatnonzero((nearest <= widest).all(axis=0) & reachable[of_cell])
+        cells = np.flatnonzero(_all(nearest <= widest) & reachable[of_cell])
         numbers = cells.astype(np.int32)
         touched = _below(nearest[:, cells], vehicle.offsets)
         lanelets, parts = np.unique(of_cell[cells], return_index=True)
@@ -112,6 +114,11 @@ def touch(table: LaneTable, vehicles: Sequence[Vehicle], radii: Array) -> Touche
         np.stack(far_ends),
         np.stack(around),
     )
+
+
+def _all(rows: Mask) -> Mask:
+    """rows.all(axis=0); NumPy takes the smallest of bytes many times faster."""
+    return np.asarray(rows.view(np.uint8).min(axis=0).view(np.bool_))
 
 
 def _below(nearest: Array, offsets: Array) -> Mask:

@@ -1,16 +1,19 @@
 """Prompt -> Ranking: who proposes, and in which order the verifier looks."""
 
+from sandra.rankers.ahead import Ahead, begin
 from sandra.rankers.answer import parse_answer
 from sandra.rankers.registry import CHOICES, as_ranker, ask, create
 from sandra.rankers.types import Failure, Ranker, Ranking
 
 __all__ = [
     "CHOICES",
+    "Ahead",
     "Failure",
     "Ranker",
     "Ranking",
     "as_ranker",
     "ask",
+    "begin",
     "create",
     "parse_answer",
 ]

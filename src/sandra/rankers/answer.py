@@ -66,6 +66,12 @@ def parse_answer(text: str, prompt: Prompt, ranker: str, *, ended_early: bool = 
     return result
 
 
+def parse_reasoning(text: str) -> str | None:
+    """The reasoning in an answer that need not hold a ranking; without JSON the whole text."""
+    found = [v["reasoning"] for v in _objects(text) if isinstance(v.get("reasoning"), str)]
+    return several_lines(found[-1] if found else text[:MAX_ANSWER]) or None
+
+
 def select(
     candidates: Iterable[ActionPair], prompt: Prompt
 ) -> tuple[tuple[ActionPair, ...], tuple[str, ...]]:

@@ -107,6 +107,7 @@ class RulesRanker:
             (option.worth + _longitudinal_score(lon, option, facts, wish), lon, option)
             for lon in prompt.longitudinal
             for option in options
+            if ActionPair(lon, option.lateral) in prompt.feasible
         ]
         scored.sort(key=lambda item: -item[0])
         pairs = tuple(ActionPair(lon, option.lateral) for _, lon, option in scored[: prompt.k])

@@ -7,12 +7,12 @@ A server that answers with one plain JSON body instead is understood as well.
 from __future__ import annotations
 
 import json
-import time
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
 from sandra.rankers.answer import MAX_ANSWER
+from sandra.rankers.bounded import Deadline
 from sandra.rankers.types import Failure
 
 MAX_WIRE = 16_000_000
@@ -37,16 +37,16 @@ class Reply:
         return "".join(self.pieces)
 
 
-def read(blocks: Iterable[bytes], content_type: str, reply: Reply, until: float) -> None:
-    """Fill `reply` from a response body until it ends, a limit is met, or `until` has passed.
+def read(blocks: Iterable[bytes], content_type: str, reply: Reply, deadline: Deadline) -> None:
+    """Fill `reply` from a response body until it ends, or a limit or the deadline is met.
 
     Args:
         blocks: the body as it arrives.
         content_type: of the response.
         reply: filled as the body arrives.
-        until: the deadline on the clock `time.monotonic`.
+        deadline: looked at whenever something arrives.
     """
-    limited = _limited(blocks, reply, until)
+    limited = _limited(blocks, reply, deadline)
     if "text/event-stream" in content_type:
         for data in _events(limited):
             if data == b"[DONE]" or reply.ended_early or reply.failure is not None:
@@ -56,7 +56,7 @@ def read(blocks: Iterable[bytes], content_type: str, reply: Reply, until: float)
     _take(b"".join(limited), reply)
 
 
-def _limited(blocks: Iterable[bytes], reply: Reply, until: float) -> Iterator[bytes]:
+def _limited(blocks: Iterable[bytes], reply: Reply, deadline: Deadline) -> Iterator[bytes]:
     size = 0
     for block in blocks:
         size += len(block)
@@ -64,7 +64,7 @@ def _limited(blocks: Iterable[bytes], reply: Reply, until: float) -> Iterator[by
             reply.ended_early = True
             return
         yield block
-        if time.monotonic() > until or reply.ended_early:
+        if deadline.passed or reply.ended_early:
             reply.ended_early = True
             return
 

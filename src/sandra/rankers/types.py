@@ -29,6 +29,8 @@ class Failure(Enum):
     """Only pairs that are unknown or not feasible here."""
     NOT_RECORDED = "not-recorded"
     """A replay that holds no ranking of this scenario."""
+    NOT_ASKED = "not-asked"
+    """No pair holds, so there was nothing to ask (mode verify-first)."""
     INTERNAL = "internal"
     """The ranker itself broke: a bug or a broken plug-in, named in `detail`."""
 

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from math import inf
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sandra.prediction.types import Prediction
 from sandra.reach.lattice import Lattice
+from sandra.reach.traffic import in_traffic
 from sandra.scene.frame import Frame
 from sandra.scene.types import Lane, Scene
 from sandra.settings import Settings
@@ -24,8 +25,8 @@ BORDER_MARGIN = 0.02
 """Added outwards for what lies between two such points [m]."""
 BORDER_MERGE = 0.1
 """Neighbouring stretches of a border are merged up to this difference [m]."""
-NOT_IN_TRAFFIC = frozenset({"pedestrian", "trafficIsland", "building", "pillar", "median_strip"})
-"""Kinds of obstacles that precede nobody in a lane; collisions with them are still checked."""
+BEYOND = 10.0
+"""Borders are read so much further than a body in the lattice reaches [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,22 +64,48 @@ Limit = tuple[float, float, float | None, float | None]
 
 
 def band(frame: Frame, lattice: Lattice, left: Array, right: Array, radius: float) -> Band:
-    """A lane's borders along the lattice's columns, for a body within `radius` [m] of its centre.
+    """The band of one lane with these borders, see `bands`."""
+    return bands(frame, lattice, [(left, right)], radius)[0]
+
+
+def bands(
+    frame: Frame, lattice: Lattice, borders: Sequence[tuple[Array, Array]], radius: float
+) -> list[Band]:
+    """Lanes along the lattice's columns, for a body within `radius` [m] of its centre.
+
+    Args:
+        borders: (left, right) of each lane.
 
     The body reaches beyond its own column, and a border need not be parallel to the frame: the
     outer bounds are those of all columns within reach. Borders are read every `BORDER_STEP`;
     where they are not functions of s (a lanelet that crosses), the highest and lowest d count.
     """
+    several = []
+    for left, right in borders:
+        several += [right, left, *(np.array([right[i], left[i]]) for i in (0, -1))]
+    projected = _projected(frame, lattice, several, radius)
+    return [
+        _band(frame, lattice, projected[i : i + 4], radius) for i in range(0, len(projected), 4)
+    ]
+
+
+def _band(
+    frame: Frame, lattice: Lattice, ring: Sequence[tuple[Array, Array]], radius: float
+) -> Band:
+    """The band of a lane whose `ring` are its right and left border and both its ends."""
     lines = lattice.corners()[0]
-    on_right, on_left = (frame.to_curvilinear(_dense(line)) for line in (right, left))
-    ring = frame.to_curvilinear(_dense(np.vstack([right, left[::-1], right[:1]])))
-    outer = _within_reach(*_per_column(ring, lines), frame, lattice, radius)
-    right_low, right_high = _per_column(on_right, lines)
-    left_low, left_high = _per_column(on_left, lines)
+    on_right, on_left, *others = ring
+    (right_low, right_high), (left_low, left_high), *more = (
+        _per_column(*each, lines) for each in (on_right, on_left, *others)
+    )
+    low, high = np.fmin(right_low, left_low), np.fmax(right_high, left_high)
+    for lowest, highest in more:
+        low, high = np.fmin(low, lowest), np.fmax(high, highest)
+    outer = _within_reach(low, high, frame, lattice, radius)
     # On an opposite lane the left border is the one with the lower d. Columns in which the lane
     # begins or ends are not all in it.
-    start = max(on_right[:, 0].min(), on_left[:, 0].min())
-    end = min(on_right[:, 0].max(), on_left[:, 0].max())
+    s = [np.concatenate(side)[:, 0] for side in (on_right, on_left)]
+    start, end = max(x.min(initial=inf) for x in s), min(x.max(initial=-inf) for x in s)
     whole = (lines[:-1] >= start) & (lines[1:] <= end)
     inner_low = np.where(whole, np.minimum(right_high, left_high), np.nan)
     inner_high = np.where(whole, np.maximum(right_low, left_low), np.nan)
@@ -90,32 +117,38 @@ def band(frame: Frame, lattice: Lattice, left: Array, right: Array, radius: floa
             outer[1] + BORDER_MARGIN,
         ]
     )
-    found: list[Stretch] = []
-    first = -1
-    for i in np.flatnonzero(np.isfinite(bounds[:, 0])).tolist():
-        part = bounds[first : i + 1]
-        if first >= 0 and found[-1].s_high == lines[i] and _alike(part):
-            found.pop()
-        else:
-            first, part = i, bounds[i : i + 1]
-        outermost, innermost = part.min(axis=0), part.max(axis=0)
-        found.append(
-            Stretch(
-                float(lines[first]),
-                float(lines[i + 1]),
-                float(outermost[0]),
-                float(innermost[1]),
-                float(outermost[2]),
-                float(innermost[3]),
-            )
+    return tuple(_stretches(lines, bounds))
+
+
+def _stretches(lines: Array, bounds: Array) -> Iterator[Stretch]:
+    """Neighbouring columns whose `bounds` (columns, 4) are alike, put together."""
+    used = np.isfinite(bounds[:, 0])
+    first = 0
+    while first < len(used):
+        if not used[first]:
+            first += 1
+            continue
+        alike = used[first:] & _alike(bounds[first:])
+        end = first + (len(alike) if alike.all() else int(alike.argmin()))
+        outermost, innermost = bounds[first:end].min(axis=0), bounds[first:end].max(axis=0)
+        yield Stretch(
+            float(lines[first]),
+            float(lines[end]),
+            float(outermost[0]),
+            float(innermost[1]),
+            float(outermost[2]),
+            float(innermost[3]),
         )
-    return tuple(found)
+        first = end
 
 
-def _alike(bounds: Array) -> bool:
-    """Whether no bound changes by more than `BORDER_MERGE` / 2, nor between finite and infinite."""
+def _alike(bounds: Array) -> NDArray[np.bool_]:
+    """(n,) in which rows of (n, 4) no bound differs much from that of the first row.
+
+    Not by more than `BORDER_MERGE` / 2, nor between finite and infinite.
+    """
     bounds = np.clip(bounds, -1e6, 1e6)
-    return bool((np.abs(bounds - bounds[0]) <= BORDER_MERGE / 2).all())
+    return np.asarray((np.abs(bounds - bounds[0]) <= BORDER_MERGE / 2).all(axis=1))
 
 
 def _within_reach(
@@ -126,36 +159,74 @@ def _within_reach(
     # On the inside of a bend a metre of body spans more than a metre of the reference line.
     shrunk = 1.0 - bend * np.nan_to_num(np.maximum(np.abs(low), np.abs(high)))
     reach = np.ceil(radius / np.maximum(shrunk, 0.2) / lattice.ds).astype(int)
-    lowest, highest = np.full_like(low, np.inf), np.full_like(high, -np.inf)
-    for i in np.flatnonzero(np.isfinite(low)).tolist():
-        near = slice(max(0, i - int(reach[i])), i + int(reach[i]) + 1)
-        lowest[near] = np.minimum(lowest[near], low[i])
-        highest[near] = np.maximum(highest[near], high[i])
+    down, up = np.nan_to_num(low, nan=inf), np.nan_to_num(high, nan=-inf)
+    lowest, highest = down.copy(), up.copy()
+    for away in range(1, min(int(reach.max()), len(low) - 1) + 1):
+        far = reach >= away
+        lower, higher = np.where(far, down, inf), np.where(far, up, -inf)
+        for here, there in ((slice(away, None), slice(-away)), (slice(-away), slice(away, None))):
+            np.minimum(lowest[here], lower[there], out=lowest[here])
+            np.maximum(highest[here], higher[there], out=highest[here])
     return lowest, highest
 
 
-def _dense(line: Array) -> Array:
-    """The polyline with points at most `BORDER_STEP` apart."""
-    lengths = np.linalg.norm(np.diff(line, axis=0), axis=1)
-    counts = np.maximum(1, np.ceil(lengths / BORDER_STEP).astype(int))
-    index = np.concatenate([np.arange(n) / n + i for i, n in enumerate(counts)] + [[len(counts)]])
-    return np.column_stack([np.interp(index, np.arange(len(line)), line[:, i]) for i in (0, 1)])
+def _projected(
+    frame: Frame, lattice: Lattice, several: Sequence[Array], radius: float
+) -> list[tuple[Array, Array]]:
+    """Polylines (n, 2) in the lane frame: (m, 2) where pieces of `BORDER_STEP` begin and end.
+
+    Without those that no body in the lattice comes near to.
+    """
+    s, d = lattice.corners()
+    sides = np.stack([np.stack([s, np.full_like(s, x)], axis=1) for x in (d[0], d[-1])])
+    sides = frame.to_cartesian(sides.reshape(-1, 2))
+    middle = (sides.min(axis=0) + sides.max(axis=0)) / 2
+    farthest = float(np.hypot(*(sides - middle).T).max()) + radius + BEYOND
+    points, joined, line = _dense(several, middle, farthest)
+    every = frame.to_curvilinear(points)
+    pieces = [joined & (line[:-1] == number) for number in range(len(several))]
+    return [(every[:-1][mine], every[1:][mine]) for mine in pieces]
 
 
-def _per_column(points: Array, lines: Array) -> tuple[Array, Array]:
-    """Lowest and highest d of a border in each column; NaN where it does not pass."""
+def _dense(
+    several: Sequence[Array], middle: Array, farthest: float
+) -> tuple[Array, NDArray[np.bool_], NDArray[np.int_]]:
+    """(m, 2) points of polylines at most `BORDER_STEP` apart.
+
+    Only of the edges that come as near to `middle` as `farthest`. Also which neighbours belong
+    together (m - 1,), and the number of each point's polyline (m,).
+    """
+    corners = np.concatenate(several)
+    owner = np.repeat(np.arange(len(several)), [len(line) for line in several])
+    edge = np.diff(corners, axis=0)
+    lengths = np.hypot(edge[:, 0], edge[:, 1])
+    away = np.hypot(*(corners - middle).T)
+    comes_near = np.minimum(away[:-1], away[1:]) - lengths <= farthest
+    near = np.flatnonzero(comes_near & (owner[:-1] == owner[1:]))
+    counts = np.maximum(1, np.ceil(lengths[near] / BORDER_STEP).astype(int))
+    # After the last of neighbouring edges comes its end.
+    is_last = np.diff(near, append=-1) != 1
+    size = counts + is_last
+    edge_of = np.repeat(np.arange(len(near)), size)
+    number = np.arange(len(edge_of)) - (np.cumsum(size) - size)[edge_of]
+    index = number / counts[edge_of] + near[edge_of]
+    at = np.arange(len(corners))
+    points = np.column_stack([np.interp(index, at, corners[:, i]) for i in (0, 1)])
+    return points, (number < counts[edge_of])[:-1], owner[near[edge_of]]
+
+
+def _per_column(start: Array, end: Array, lines: Array) -> tuple[Array, Array]:
+    """Lowest and highest d of a border's pieces in each column; NaN where it does not pass."""
     columns = len(lines) - 1
     low, high = np.full(columns, np.inf), np.full(columns, -np.inf)
-    s, d = points[:, 0], points[:, 1]
-    start, end = np.minimum(s[:-1], s[1:]), np.maximum(s[:-1], s[1:])
-    first = np.searchsorted(lines, start, side="right") - 1
-    last = np.searchsorted(lines, end, side="left") - 1
-    down, up = np.minimum(d[:-1], d[1:]), np.maximum(d[:-1], d[1:])
+    near, far = np.minimum(start, end), np.maximum(start, end)
+    first = np.searchsorted(lines, near[:, 0], side="right") - 1
+    last = np.searchsorted(lines, far[:, 0], side="left") - 1
     for offset in range(int((last - first).max(initial=0)) + 1):
         column = first + offset
         here = (column <= np.maximum(first, last)) & (column >= 0) & (column < columns)
-        np.minimum.at(low, column[here], down[here])
-        np.maximum.at(high, column[here], up[here])
+        np.minimum.at(low, column[here], near[here, 1])
+        np.maximum.at(high, column[here], far[here, 1])
     missing = ~np.isfinite(low)
     low[missing], high[missing] = np.nan, np.nan
     return low, high
@@ -169,31 +240,27 @@ def leaders(
     A vehicle is in a lane if its body touches one of its lanelets. With
     `settings.cut_in_exception`, no distance is asked to one that entered less than `t_c` ago.
     """
-    areas = [_area(scene, lane) for lane in lanes]
+    import shapely
+
+    areas = [
+        shapely.union_all([x.area() for x in scene.lanelets if x.id in lane.lanelets])
+        for lane in lanes
+    ]
     found: list[list[list[Leader]]] = [[[] for _ in range(prediction.horizon + 1)] for _ in lanes]
     exempt = round(settings.t_c / scene.dt) if settings.cut_in_exception else 0
-    for predicted in prediction.obstacles:
-        obstacle = predicted.obstacle
-        rows = predicted.states
-        present = np.flatnonzero(np.isfinite(rows[:, :4]).all(axis=1))
-        if obstacle.kind in NOT_IN_TRAFFIC or present.size == 0:
-            continue
-        bodies = np.vstack([obstacle.outline.placed(*rows[k, :3]).vertices for k in present])
-        corners = scene.frame.to_curvilinear(bodies).reshape(len(present), -1, 2)
-        radius = obstacle.outline.radius
-        rear = corners[:, :, 0].min(axis=1) - radius
-        middle = corners[:, :, 0].mean(axis=1)
-        heading = scene.frame.heading(middle)
-        speed = np.maximum(rows[present, 3] * np.cos(rows[present, 2] - heading), 0.0)
-        for of_lane, area in zip(found, areas, strict=True):
-            inside = _touches(area, bodies.reshape(len(present), -1, 2), radius)
+    for traffic in in_traffic(prediction):
+        inside = traffic.touches(areas)
+        rear, speed = traffic.measured(scene.frame, np.asarray(inside.any(axis=0)))
+        for of_lane, here in zip(found, inside, strict=True):
             entered = -exempt
-            for i in np.flatnonzero(inside).tolist():
-                k = int(present[i])
-                if i > 0 and not inside[i - 1]:
+            for row in np.flatnonzero(here).tolist():
+                k = int(traffic.step[row])
+                if traffic.is_first[row]:
+                    entered = -exempt
+                elif not here[row - 1]:
                     entered = k
                 asked = k - entered >= exempt
-                of_lane[k].append(Leader(float(rear[i]), float(speed[i]) if asked else inf))
+                of_lane[k].append(Leader(rear[row], speed[row] if asked else inf))
     # Of two side by side the slower one precedes: it asks for more distance.
     return tuple(
         tuple(tuple(sorted(step, key=lambda x: (x.rear, x.speed))) for step in steps)
@@ -201,33 +268,14 @@ def leaders(
     )
 
 
-def _area(scene: Scene, lane: Lane) -> Any:
-    """The lanelets of a lane, as a shapely geometry."""
-    import shapely
-
-    area = shapely.union_all(
-        [lanelet.area() for lanelet in scene.lanelets if lanelet.id in lane.lanelets]
-    )
-    shapely.prepare(area)
-    return area
-
-
-def _touches(area: Any, bodies: Array, radius: float) -> NDArray[np.bool_]:
-    """Whether convex bodies (m, n, 2), widened by `radius`, touch an area."""
-    import shapely
-
-    hulls = shapely.convex_hull(shapely.multipoints(shapely.points(bodies)))
-    return np.asarray(shapely.dwithin(area, hulls, radius), dtype=np.bool_)
-
-
 def limits(scene: Scene, lanes: tuple[Lane, ...]) -> tuple[Limit, ...]:
     """The signed limits along s over several lanes; unknown where any of them is unknown."""
     by_id = {lanelet.id: lanelet for lanelet in scene.lanelets}
-    spans: list[tuple[float, float, float | None]] = []
-    for lane in lanes:
-        for lanelet_id, limit in zip(lane.lanelets, lane.speed_limits, strict=True):
-            s = scene.frame.to_curvilinear(by_id[lanelet_id].center[[0, -1]])[:, 0]
-            spans.append((float(s.min()), float(s.max()), limit))
+    ids = [i for lane in lanes for i in lane.lanelets]
+    signed = [limit for lane in lanes for limit in lane.speed_limits]
+    ends = [(line[0], line[-1]) for line in (by_id[i].center for i in ids)]
+    s = scene.frame.to_curvilinear(np.reshape(ends, (-1, 2)))[:, 0].reshape(-1, 2)
+    spans = list(zip(s.min(axis=1).tolist(), s.max(axis=1).tolist(), signed, strict=True))
     found: list[Limit] = []
     edges = [-inf, *sorted({x for a, b, _ in spans for x in (a, b)}), inf]
     for a, b in pairwise(edges):

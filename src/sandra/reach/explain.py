@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from sandra.actions import Lateral
@@ -11,7 +11,7 @@ from sandra.reach.ground import Ground
 from sandra.reach.lattice import Mask
 from sandra.reach.sets import ReachableSet
 
-Compute = Callable[[Ground, Specification, "tuple[Mask, ...] | None"], ReachableSet]
+Compute = Callable[[Ground, Specification, "Sequence[Mask] | None"], ReachableSet]
 
 MOST_OBSTACLES = 4
 """So many of the obstacles in the way are left out in turn."""
@@ -21,7 +21,7 @@ MOST_OBSTACLES = 4
 class _Trial:
     cause: str
     specification: Specification
-    forbidden: tuple[Mask, ...] | None = None
+    forbidden: Sequence[Mask] | None = None
 
 
 def explain(base: Ground, spec: Specification, found: ReachableSet, compute: Compute) -> str:

@@ -6,6 +6,7 @@ the disc inscribed in the ego's body, which lies within the body whatever its he
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import hypot, isclose
 
@@ -15,13 +16,15 @@ from numpy.typing import NDArray
 from sandra.errors import SettingsError
 from sandra.logic import Atom
 from sandra.prediction.types import Prediction
-from sandra.reach.bands import Band, Leader, Limit, band, leaders, limits
+from sandra.reach.bands import Band, Leader, Limit, bands, leaders, limits
 from sandra.reach.cells import bulge, grid, off_road
 from sandra.reach.initial import initial_set, lattice_of
+from sandra.reach.later import Later
 from sandra.reach.lattice import Lattice, Mask
+from sandra.reach.occupied import occupied_by, united
 from sandra.reach.polygon import Polygon
 from sandra.reach.problem import Answer
-from sandra.reach.windows import Window, union, windows
+from sandra.reach.windows import Windows
 from sandra.scene.types import Scene
 from sandra.settings import Settings
 
@@ -41,14 +44,14 @@ class Ground:
     curvature: tuple[Array, Array]
     """Lowest and highest curvature of the reference line in each column [1/m]."""
     off_road: Mask
-    by_obstacle: tuple[tuple[tuple[Window, ...], ...], ...]
+    by_obstacle: Sequence[Windows]
     """For each predicted obstacle and each step, its forbidden windows."""
-    forbidden: tuple[Mask, ...]
+    forbidden: Sequence[Mask]
     """Union of all causes at each step."""
     bands: tuple[tuple[str, Band], ...]
     """(relation, band) of the lanes that rules and actions speak of."""
-    leaders: tuple[tuple[tuple[Leader, ...], ...], ...]
-    """For each band and each step, the vehicles in it."""
+    leaders: Sequence[tuple[tuple[Leader, ...], ...]]
+    """For each band and each step, the vehicles in it; R_G1 alone asks for them."""
     limits: tuple[Limit, ...]
     """Signed speed limits along s."""
     answers: dict[Atom, Answer] = field(default_factory=dict, init=False, repr=False)
@@ -59,10 +62,10 @@ class Ground:
         """Number of steps h."""
         return self.prediction.horizon
 
-    def forbidden_without(self, obstacle: int | None, road: bool = True) -> tuple[Mask, ...]:
+    def forbidden_without(self, obstacle: int | None, road: bool = True) -> Sequence[Mask]:
         """The union of all causes but one obstacle (its index) or, `road` False, the border."""
-        kept = [w for i, w in enumerate(self.by_obstacle) if i != obstacle]
-        return union(self.off_road if road else np.zeros_like(self.off_road), kept, self.horizon)
+        off_road = self.off_road if road else np.zeros_like(self.off_road)
+        return united(self.lattice, off_road, self.by_obstacle, self.horizon, without=obstacle)
 
     def obstacles_at(self, k: int, cells: Mask) -> list[int]:
         """Indices of the obstacles that forbid some of `cells` at step k, most cells first."""
@@ -88,19 +91,14 @@ def ground(scene: Scene, prediction: Prediction, settings: Settings) -> Ground:
         )
     lon, lat = initial_set(scene, settings)
     lattice = lattice_of(scene, prediction.horizon, lon, lat, settings)
-    s_lines, d_lines = lattice.corners()
-    corners, bulges = grid(scene, s_lines, d_lines), bulge(scene, lattice)
-    beyond_road = off_road(scene, lattice, corners, bulges)
-    occupied = windows(prediction, corners, scene.ego.width / 2 - bulges)
+    beyond_road, occupied, forbidden = forbidden_cells(scene, prediction, lattice)
     samples = np.linspace(0.0, 1.0, 5)
-    kappa = scene.frame.curvature((s_lines[:-1, None] + lattice.ds * samples).ravel())
+    kappa = scene.frame.curvature((lattice.corners()[0][:-1, None] + lattice.ds * samples).ravel())
     kappa = kappa.reshape(lattice.columns, samples.size)
     radius = hypot(scene.ego.length, scene.ego.width) / 2
     known = ("current", "left", "right", "opposite")
     lanes = tuple(lane for lane in scene.lanes if lane.relation in known)
-    bands = tuple(
-        (lane.relation, band(scene.frame, lattice, lane.left, lane.right, radius)) for lane in lanes
-    )
+    of_lanes = bands(scene.frame, lattice, [(x.left, x.right) for x in lanes], radius)
     return Ground(
         scene,
         prediction,
@@ -111,8 +109,18 @@ def ground(scene: Scene, prediction: Prediction, settings: Settings) -> Ground:
         (kappa.min(axis=1), kappa.max(axis=1)),
         beyond_road,
         occupied,
-        union(beyond_road, occupied, prediction.horizon),
-        bands,
-        leaders(scene, prediction, settings, lanes),
+        forbidden,
+        tuple((lane.relation, each) for lane, each in zip(lanes, of_lanes, strict=True)),
+        Later(lambda: leaders(scene, prediction, settings, lanes)),
         limits(scene, tuple(x for x in (scene.current, scene.left, scene.right) if x)),
     )
+
+
+def forbidden_cells(
+    scene: Scene, prediction: Prediction, lattice: Lattice
+) -> tuple[Mask, Sequence[Windows], Sequence[Mask]]:
+    """The cells off the road, those that each obstacle forbids, and all of them at each step."""
+    corners, bulges = grid(scene, *lattice.corners()), bulge(scene, lattice)
+    beyond_road = off_road(scene, lattice, corners, bulges)
+    occupied = occupied_by(prediction, corners, scene.ego.width / 2 - bulges)
+    return beyond_road, occupied, united(lattice, beyond_road, occupied, prediction.horizon)

@@ -65,18 +65,27 @@ def _borders_between(scene: Scene, s_range: tuple[float, float], reach: float) -
     """d of points of all lanelets' borders, no more than 1 m apart, within a range of s."""
     ego = np.array([scene.ego.state.x, scene.ego.state.y])
     farthest = s_range[1] - s_range[0] + 2 * reach + abs(scene.ego_curvilinear[1])
-    found = []
-    for lanelet in scene.lanelets:
-        for line in (lanelet.left, lanelet.right):
-            lengths = np.hypot(*np.diff(line, axis=0).T)
-            at = np.concatenate([[0.0], np.cumsum(lengths)])
-            if np.hypot(*(line - ego).T).min() - lengths.max(initial=0.0) > farthest:
-                continue
-            dense = np.union1d(at, np.arange(0.0, at[-1], 1.0))
-            found.append(np.column_stack([np.interp(dense, at, line[:, i]) for i in (0, 1)]))
-    if not found:
+    lines = [line for lanelet in scene.lanelets for line in (lanelet.left, lanelet.right)]
+    if not lines:
         return np.zeros(0)
-    every = np.vstack(found)
+    corners = np.concatenate(lines)
+    edge = np.diff(corners, axis=0)
+    lengths = np.hypot(edge[:, 0], edge[:, 1])
+    # From the last corner of a line to the first of the next there is no edge.
+    first = np.cumsum([0] + [len(line) for line in lines])
+    lengths[first[1:-1] - 1] = 0.0
+    stations = np.concatenate([[0.0], np.cumsum(lengths)])
+    stations -= np.repeat(stations[first[:-1]], np.diff(first))
+    away = np.hypot(*(corners - ego).T)
+    near = np.flatnonzero(np.minimum(away[:-1], away[1:]) - lengths <= farthest)
+    # Beside the corners the points at each metre.
+    begin = stations[near]
+    counts = np.maximum(np.ceil(begin + lengths[near]) - np.floor(begin) - 1, 0.0).astype(int)
+    metre = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts) + 1
+    beyond = metre - np.repeat(begin - np.floor(begin), counts)
+    on_edge = np.repeat(near, counts)
+    inner = corners[on_edge] + (beyond / lengths[on_edge])[:, None] * edge[on_edge]
+    every = np.concatenate([corners, inner])
     points = scene.frame.to_curvilinear(every[np.hypot(*(every - ego).T) <= farthest])
     inside = (points[:, 0] >= s_range[0]) & (points[:, 0] <= s_range[1])
     return np.asarray(points[inside, 1])

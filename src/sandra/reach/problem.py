@@ -50,7 +50,7 @@ class Problem:
     v_lon: Interval
     v_lat: Interval
     lattice: Lattice
-    forbidden: tuple[Mask, ...]
+    forbidden: Sequence[Mask]
     moves: Moves
     answers: tuple[Answer, ...]
 

@@ -56,10 +56,15 @@ class ReachableSet:
     contested: Mask | None = None
 
     @property
+    def sizes(self) -> tuple[int, ...]:
+        """How many base sets each step has."""
+        known: tuple[int, ...] | None = getattr(self.steps, "sizes", None)
+        return tuple(len(step) for step in self.steps) if known is None else known
+
+    @property
     def first_empty_step(self) -> int | None:
         """The first step without any base set; None if there are some through the horizon."""
-        sizes = getattr(self.steps, "sizes", None) or [len(step) for step in self.steps]
-        first = next((k for k, size in enumerate(sizes) if not size), len(sizes))
+        first = next((k for k, size in enumerate(self.sizes) if not size), len(self.sizes))
         return None if first > self.horizon else first
 
     def contains(self, k: int, s: float, v_s: float, d: float, v_d: float) -> bool:

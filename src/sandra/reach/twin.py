@@ -91,7 +91,7 @@ def _computed(problems: list[Problem]) -> list[ReachableSet]:
     sets = []
     for i in range(len(problems)):
         steps, contested = NativeSteps(found, i), found.contested(i)
-        mask = None if contested is None else _mask(problem.lattice, contested)
+        mask = None if contested is None else mask_of(problem.lattice, contested)
         sets.append(ReachableSet(steps, problem.horizon, problem.lattice, mask))
     return sets
 
@@ -141,15 +141,17 @@ def _copied(owner: Any, make: Callable[[Any], Any]) -> Any:
     return kept["_native"] if "_native" in kept else kept.setdefault("_native", make(owner))
 
 
-def _lattice(lattice: Lattice) -> tuple[float, float, float, float, int, int]:
+def numbers_of(lattice: Lattice) -> tuple[float, float, float, float, int, int]:
+    """A lattice as the native kernel takes it."""
     return lattice.s0, lattice.d0, lattice.ds, lattice.dd, lattice.columns, lattice.rows
 
 
 def _field(lattice: Lattice, forbidden: Sequence[Mask]) -> Any:
-    return native.Field(_lattice(lattice), packed(forbidden))
+    return native.Field(numbers_of(lattice), packed(forbidden))
 
 
-def _mask(lattice: Lattice, words: bytes) -> Mask:
+def mask_of(lattice: Lattice, words: bytes) -> Mask:
+    """The cells whose bits are set in the native kernel's words."""
     bits = np.frombuffer(words, dtype=np.uint8).reshape(lattice.rows, -1)
     cells = np.unpackbits(bits, axis=1, count=lattice.columns, bitorder="little")
     return np.ascontiguousarray(cells.T).astype(np.bool_)
@@ -172,7 +174,7 @@ def _answer(answer: Answer) -> Any:
             [_band(x) for x in answer.bands],
             (body.length, body.width, body.grip, body.heading),
             list(body.bend),
-            _lattice(body.lattice),
+            numbers_of(body.lattice),
             _region(answer.fails),
         )
     if isinstance(answer, SafeDistance):

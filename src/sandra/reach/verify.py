@@ -99,14 +99,14 @@ def verify_pair(
 
 
 def compute(
-    base: Ground, spec: Specification, forbidden: tuple[Mask, ...] | None = None
+    base: Ground, spec: Specification, forbidden: Sequence[Mask] | None = None
 ) -> ReachableSet:
     """The reachable set of a specification; `forbidden` replaces the ground's own cells."""
     return reachable_set(problem_of(base, spec, forbidden))
 
 
 def problem_of(
-    base: Ground, spec: Specification, forbidden: tuple[Mask, ...] | None = None
+    base: Ground, spec: Specification, forbidden: Sequence[Mask] | None = None
 ) -> Problem:
     """What the kernel is given for a specification; see `compute`."""
     settings = base.settings

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,7 +51,8 @@ def hulls(clouds: Sequence[Array]) -> list[Array]:
     x, y = (corners - corners[np.searchsorted(owner, owner)]).T
     following = np.where(np.diff(owner, append=-1) == 0, np.arange(len(owner)) + 1, 0)
     area = np.bincount(owner, x * y[following] - y * x[following])
-    parts = np.split(corners, np.searchsorted(owner, np.arange(1, len(clouds))))
+    ends = np.searchsorted(owner, np.arange(len(clouds) + 1)).tolist()
+    parts = [corners[a:b] for a, b in pairwise(ends)]
     return [
         part[::-1] if turn < 0.0 else part for part, turn in zip(parts, area.tolist(), strict=True)
     ]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import logging
 import math
+import threading
 import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -19,6 +20,7 @@ _PEEK = 65536
 _BOMS = (b"\xef\xbb\xbf", b"\xff\xfe", b"\xfe\xff")
 _MALFORMED = (ArithmeticError, AssertionError, AttributeError, LookupError, TypeError, ValueError)
 """What commonroad-io 2026.1 raises for malformed content that `xml_check` lets pass."""
+_ONE_AT_A_TIME = threading.Lock()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,10 +57,11 @@ def read(path: Path) -> Content:
         raise ScenarioError(f"{path}: cannot be read ({error.strerror}); check the path") from None
     if kind == "protobuf":
         return _read_protobuf(path)
-    from commonroad.common.file_reader import CommonRoadFileReader
+    # The reader of all formats would load protobuf as well.
+    from commonroad.common.reader.file_reader_xml import XMLFileReader
 
     with _quiet(), _malformed(path):
-        scenario, problems = CommonRoadFileReader(filename_2020a=data).open()
+        scenario, problems = XMLFileReader(data).open()
     return _content(path, scenario, problems, facts)
 
 
@@ -138,11 +141,14 @@ def _malformed(path: Path) -> Iterator[None]:
 def _quiet() -> Iterator[None]:
     """commonroad-io reports each deprecated element by log and by warning; none is for the user."""
     logger = logging.getLogger("commonroad")
-    level = logger.level
-    logger.setLevel(logging.ERROR)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            yield
-    finally:
-        logger.setLevel(level)
+    # Levels and filters belong to the whole process: one file after the other, or a thread would
+    # take for the level before what another has set meanwhile.
+    with _ONE_AT_A_TIME:
+        level = logger.level
+        logger.setLevel(logging.ERROR)
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                yield
+        finally:
+            logger.setLevel(level)

@@ -130,15 +130,20 @@ class Frame:
     def to_cartesian(self, points: Array) -> Array:
         """(m, 2) points (s, d) [m] -> (m, 2) points (x, y) [m]."""
         points = _points(points)
-        s, d = points[:, 0], points[:, 1]
+        foot, normal = self.across(points[:, 0])
+        return np.asarray(foot + points[:, 1:] * normal)
+
+    def across(self, s: Array) -> tuple[Array, Array]:
+        """(m,) s [m] -> (m, 2) the point of the line at d = 0 [m], and (m, 2) its normal.
+
+        The normal need not have length 1: (s, d) is the point plus d times it.
+        """
         i = np.clip(np.searchsorted(self.stations, s, side="right") - 1, 0, len(self._lengths) - 1)
         along = s - self.stations[i]
         # Normals stay as they are beyond the ends, the foot point goes straight on.
         part = np.clip(along / self._lengths[i], 0.0, 1.0)[:, None]
         foot = self.line[i] + along[:, None] * self._tangents[i]
-        normal = (1.0 - part) * self.normals[i] + part * self.normals[i + 1]
-        result: Array = foot + d[:, None] * normal
-        return result
+        return foot, (1.0 - part) * self.normals[i] + part * self.normals[i + 1]
 
     def to_curvilinear(self, points: Array) -> Array:
         """(m, 2) points (x, y) [m] -> (m, 2) points (s, d) [m]; the nearest foot point is taken.

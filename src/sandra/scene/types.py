@@ -7,6 +7,7 @@ Angles in rad (counter-clockwise), lengths in m, time in s. `d > 0` is to the le
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -48,6 +49,12 @@ class Region:
         c, s = np.cos(heading), np.sin(heading)
         rotation = np.array([[c, s], [-s, c]])
         return Region(self.vertices @ rotation + np.array([x, y]), self.radius)
+
+    def vertices_at(self, poses: Array) -> Array:
+        """(m, n, 2) the vertices of `placed` for poses (m, 3) x, y, heading."""
+        c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+        rotation = np.stack([np.stack([c, s], axis=1), np.stack([-s, c], axis=1)], axis=1)
+        return np.asarray(self.vertices @ rotation + poses[:, None, :2])
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,6 +147,7 @@ class Lanelet:
     adjacent_right: tuple[int, bool] | None
     speed_limit: float | None
     """From the signs that apply to this lanelet [m/s]; None if unknown."""
+    _area: Any = field(init=False, repr=False, default=None)
 
     @property
     def center(self) -> Array:
@@ -152,10 +160,23 @@ class Lanelet:
         return np.vstack([self.right, self.left[::-1]])
 
     def area(self) -> Any:
-        """The lanelet as a valid shapely geometry, also where its borders cross."""
-        import shapely
+        """The lanelet as a valid shapely geometry, also where its borders cross; made once."""
+        return areas([self])[0]
 
-        return shapely.Polygon(self.outline).buffer(0)
+
+def areas(lanelets: Sequence[Lanelet]) -> list[Any]:
+    """The area of each, see `Lanelet.area`; all that are not yet known are made at once."""
+    import shapely
+
+    new = [lanelet for lanelet in lanelets if lanelet._area is None]
+    if new:
+        outlines = [lanelet.outline for lanelet in new]
+        owner = np.repeat(np.arange(len(new)), [len(outline) for outline in outlines])
+        rings = shapely.linearrings(np.concatenate(outlines), indices=owner)
+        made = shapely.buffer(shapely.polygons(rings), 0.0)
+        for lanelet, area in zip(new, made.tolist(), strict=True):
+            object.__setattr__(lanelet, "_area", area)
+    return [lanelet._area for lanelet in lanelets]
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ import pytest
 
 from sandra.cli import main
 from sandra.errors import SettingsError
-from sandra.evaluation.rollouts.cases import moved, perturbed, varied
+from sandra.evaluation.rollouts.cases import Cases, cases, moved, perturbed, varied
 from sandra.evaluation.rollouts.outcome import Event
 from sandra.evaluation.rollouts.report import Report
 from sandra.evaluation.rollouts.soundness import soundness
@@ -63,6 +63,25 @@ def test_workers_find_the_same(report: Report) -> None:
     assert [len(t.played.kind) for t in other.tried] == [12] * len(other.tried)
 
 
+def test_a_scene_that_breaks_is_told_and_the_others_are_played(
+    report: Report, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def brittle(files: tuple[Path, ...], index: int, seed: int, settings: Settings) -> Cases:
+        if index == 0:
+            raise ZeroDivisionError("too flat")
+        return cases(files, index, seed, settings)
+
+    monkeypatch.setattr("sandra.evaluation.rollouts.soundness.cases", brittle)
+    found = soundness(ROADWORKS, rollouts=30, seed=1, per_certificate=12, settings=SHORT)
+    (line,) = found.broken
+    assert line == "scene 0 (DEU_Roadworks-1_1_T-1): ZeroDivisionError: too flat"
+    assert found.to_dict()["admissible"] >= 30
+    assert line in str(found)
+    # What was left out may have been the one that collides.
+    assert report.holds
+    assert not found.holds
+
+
 def test_scenes_are_many_and_reproducible() -> None:
     files = (example("merge"), *ROADWORKS)
     scenes = [varied(files, i, 3, Settings())[1] for i in (0, 1, 2, 3, 4, 5, 2)]
@@ -103,8 +122,9 @@ def test_what_cannot_be_done_is_said(
 ) -> None:
     for words, said in (
         (["roadworks", "--rollouts", "0"], "must be at least 1"),
-        (["roadworks", "--workers", "0"], "must be at least 1"),
+        (["roadworks", "--workers", "many"], "--workers many"),
         (["no-such-scenario"], "no-such-scenario"),
+        (["no-such-scenario", "--workers", "2"], "no-such-scenario"),
     ):
         assert main(["evaluate", "soundness", *words]) == 2
         assert said in capsys.readouterr().err

@@ -24,12 +24,18 @@ OBSTACLE_SHARE = 0.99
 """Share of our forbidden cells that the peer must forbid as well."""
 CELLS = 2000
 """At most so many forbidden cells of a step are looked at."""
+AROUND = 5
+"""They are looked for so many cells around our set."""
 LARGE = 1.0
 """Areas are compared from this size on [m^2]."""
 
 
 class NotTheSame(SandraError):
     """A check failed: the two do not solve the same problem, or do not agree on it."""
+
+
+class TooNarrow(NotTheSame):
+    """The peer's coordinate system does not reach as far as our set, or bends differently."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,18 +67,18 @@ def check_frame(base: Ground, corners: Array, points: list[list[float] | None]) 
     """The largest distance between (s, d) of the same points in our and the peer's frame [m].
 
     Raises:
-        NotTheSame: if it exceeds `FRAME_TOLERANCE`, or points lie outside of the peer's frame.
+        TooNarrow: if it exceeds `FRAME_TOLERANCE`, or points lie outside of the peer's frame.
     """
     missing = sum(point is None for point in points)
     if missing:
-        raise NotTheSame(
+        raise TooNarrow(
             f"the peer's coordinate system lacks {missing} of {len(points)} points of our set"
         )
     start = reference_line(base)[1]
     found = np.array(points, dtype=np.float64) + np.array([start, 0.0])
     apart = float(np.abs(found - corners).max())
     if apart > FRAME_TOLERANCE:
-        raise NotTheSame(f"the two frames differ by {apart:.2f} m, more than {FRAME_TOLERANCE} m")
+        raise TooNarrow(f"the two frames differ by {apart:.2f} m, more than {FRAME_TOLERANCE} m")
     return apart
 
 
@@ -96,7 +102,7 @@ def check_bounds(base: Ground, steps: list[dict[str, Any]]) -> None:
     for name, polygon, push_low, push_high, least, most in axes:
         low, high = min(v for _, v in polygon), max(v for _, v in polygon)
         for k, step in enumerate(steps):
-            if step[name] is None:
+            if k == 0 or step[name] is None:  # the initial set itself is not cut
                 continue
             t = k * base.scene.dt
             allowed = max(low + push_low * t, least), min(high + push_high * t, most)
@@ -107,22 +113,33 @@ def check_bounds(base: Ground, steps: list[dict[str, Any]]) -> None:
                 )
 
 
-def forbidden_points(base: Ground) -> dict[str, Any]:
-    """The request `Worker.collides` for centres of cells that we forbid, at three steps.
+def forbidden_points(base: Ground, found: ReachableSet) -> dict[str, Any]:
+    """The request `Worker.collides` for centres of cells around our set that we forbid.
 
-    Of the cells off the road only those along its border are asked for: there the peer has it.
+    At three steps. Of the cells off the road only those along its border are asked for: there the
+    peer has it.
     """
     start = reference_line(base)[1]
     s, d = base.lattice.centers()
     steps = sorted({0, base.horizon // 2, base.horizon})
-    points = []
     border = _along_border(base.off_road)
+    points = []
     for k in steps:
-        columns, rows = np.nonzero((base.forbidden[k] & ~base.off_road) | border)
+        around = _around(base, found, k)
+        columns, rows = np.nonzero(base.forbidden[k] & around & (~base.off_road | border))
         every = max(1, len(columns) // CELLS)
         columns, rows = columns[::every], rows[::every]
         points.append(np.column_stack([s[columns] - start, d[rows]]).tolist())
     return {"do": "collides", "steps": steps, "points": points}
+
+
+def _around(base: Ground, found: ReachableSet, k: int) -> Mask:
+    """The cells of our set at step k, and those within `AROUND` of them."""
+    mask = np.zeros_like(base.off_road)
+    if k < len(found.steps):
+        for i0, i1, j0, j1 in found.boxes(k):
+            mask[max(0, i0 - AROUND) : i1 + AROUND, max(0, j0 - AROUND) : j1 + AROUND] = True
+    return mask
 
 
 def _along_border(off_road: Mask) -> Mask:
@@ -144,6 +161,21 @@ def check_obstacles(collides: list[list[bool]]) -> float:
     if share < OBSTACLE_SHARE:
         raise NotTheSame(f"the peer forbids only {share:.1%} of the cells that we forbid")
     return share
+
+
+def check_alive(own: Sequence[float], matched: Sequence[float]) -> None:
+    """The peer's set with its own obstacles is not empty where it is large on our cells.
+
+    It is where the ego starts nearer to the border of the road than the peer tells from on it.
+
+    Raises:
+        NotTheSame: if it is.
+    """
+    for k, (area, other) in enumerate(zip(own, matched, strict=True)):
+        if area == 0.0 and other >= LARGE:
+            raise NotTheSame(
+                f"the peer's own set is empty at step {k}; on our cells it has {other:.0f} m^2"
+            )
 
 
 def check_areas(ours: Sequence[float], peers: Sequence[float], tolerance: float) -> Areas:

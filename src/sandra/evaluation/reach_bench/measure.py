@@ -10,11 +10,12 @@ from typing import Any
 
 from sandra.actions import ActionPair
 from sandra.evaluation.reach_bench import checks as check
+from sandra.evaluation.reach_bench.frames import framed
 from sandra.evaluation.reach_bench.hand_over import beyond_the_road, forbidden_boxes, problem_of
 from sandra.evaluation.reach_bench.ours import OurTimes, free_set, prepare, time_ours
 from sandra.evaluation.reach_bench.peer import Peer, PeerError
 from sandra.evaluation.reach_bench.rows import Checks, Ours, Peers, Report, Row
-from sandra.reach import Ground, ReachableSet
+from sandra.reach import Ground, ReachableSet, twin
 from sandra.scene import load
 from sandra.scene.types import Scene
 from sandra.settings import Settings
@@ -27,6 +28,8 @@ GRID, SPLIT = 0.2, 0.7
 """The peer's default resolution: its grid, and the size below which it drops what collides [m]."""
 TOLERANCE = 1.25
 """Largest factor between the two areas of any step, at matched resolution."""
+FINER = 4
+"""Cells of the finer setting are so many times smaller, along and across."""
 
 
 def bench_reach(
@@ -59,8 +62,8 @@ def bench_reach(
             for horizon in horizons:
                 settings = SETTINGS.replace(horizon=horizon)
                 scene = load(path, settings=settings)
-                tell = partial(_tell, progress, f"{scene.name}, h = {horizon}")
-                rows.append(_row(scene, settings, pair, runs, peer, tolerance, tell))
+                tell = partial(_tell, progress, f"{path.stem}, h = {horizon}")
+                rows.append(_row(path.stem, scene, settings, pair, runs, peer, tolerance, tell))
                 if peer is not None and not peer.alive:
                     assert python is not None
                     peer.close()
@@ -68,7 +71,7 @@ def bench_reach(
     finally:
         if peer is not None:
             peer.close()
-    return Report(tuple(rows), versions)
+    return Report(tuple(rows), versions, twin.chosen())
 
 
 def _tell(progress: Callable[[str], None], where: str, text: str) -> None:
@@ -76,6 +79,7 @@ def _tell(progress: Callable[[str], None], where: str, text: str) -> None:
 
 
 def _row(
+    name: str,
     scene: Scene,
     settings: Settings,
     pair: ActionPair,
@@ -86,25 +90,26 @@ def _row(
 ) -> Row:
     base = prepare(scene, settings)
     found = free_set(base)
-    refused, checks = None, None
-    frame = 0.0
+    refused, checks, note, frame = None, None, "", 0.0
     if peer is not None:
         progress("checks")
         try:
-            frame, checks = _checked(base, found, peer, tolerance)
+            base, found, note, frame = _handed_over(scene, settings, peer)
+            checks = _checked(base, found, peer, tolerance)
         except (PeerError, check.NotTheSame) as error:
             refused, peer = str(error), None
     times: list[OurTimes] = []
     theirs: list[dict[str, float]] = []
     for run in range(runs + 1):
         progress(f"run {run} of {runs}" if run else "warming up")
-        times.append(time_ours(scene, pair, settings))
+        times.append(time_ours(base.scene, pair, settings))
         if peer is not None:
             prepared = peer.ask(_prepare(base))
             theirs.append({**prepared, **peer.ask({"do": "compute"})})
     ours = Ours(
         predict=median(run.predict for run in times[1:]),
         ground=median(run.ground for run in times[1:]),
+        forbidden=median(run.forbidden for run in times[1:]),
         free=median(run.free for run in times[1:]),
         pair=median(run.pair for run in times[1:]),
         every=median(run.every for run in times[1:]),
@@ -122,7 +127,7 @@ def _row(
             sum(step["sets"] for step in steps),
         )
     return Row(
-        scene.name,
+        name,
         base.horizon,
         scene.dt,
         len(base.prediction.obstacles),
@@ -132,6 +137,7 @@ def _row(
         peers,
         checks,
         refused,
+        note,
     )
 
 
@@ -139,20 +145,44 @@ def _prepare(base: Ground) -> dict[str, Any]:
     return {"do": "prepare", "grid": GRID, "split": SPLIT, "beyond": beyond_the_road(base)}
 
 
-def _checked(
-    base: Ground, found: ReachableSet, peer: Peer, tolerance: float
-) -> tuple[float, Checks]:
-    """Hand the problem over and compare: the time of the peer's frame [s], and what was found."""
-    if found.first_empty_step == 0:
-        raise check.NotTheSame("our set is empty from the start")
-    frame: float = peer.ask(problem_of(base))["frame_s"]
-    corners = check.corners_of(found)
-    points = base.scene.frame.to_cartesian(corners).tolist()
-    apart = check.check_frame(base, corners, peer.ask({"do": "locate", "points": points})["points"])
+def _handed_over(
+    scene: Scene, settings: Settings, peer: Peer
+) -> tuple[Ground, ReachableSet, str, float]:
+    """Hand the problem over in the first frame in which both agree.
+
+    Returns:
+        Our ground and free set in that frame, what was changed about it, and the time that the
+        peer's coordinate system takes [s].
+
+    Raises:
+        NotTheSame: if there is no such frame, or nothing to compare.
+        PeerError: if the peer refuses the problem.
+    """
+    reason = check.TooNarrow("no frame")
+    for framed_scene, note in framed(scene):
+        base = prepare(framed_scene, settings)
+        found = free_set(base)
+        if found.first_empty_step == 0:
+            raise check.NotTheSame("our set is empty from the start")
+        frame: float = peer.ask(problem_of(base))["frame_s"]
+        corners = check.corners_of(found)
+        points = base.scene.frame.to_cartesian(corners).tolist()
+        try:
+            check.check_frame(base, corners, peer.ask({"do": "locate", "points": points})["points"])
+        except check.TooNarrow as error:
+            reason = error
+        else:
+            return base, found, note, frame
+    raise reason
+
+
+def _checked(base: Ground, found: ReachableSet, peer: Peer, tolerance: float) -> Checks:
+    """Compare the two problems, then the two sets at matched resolution."""
     peer.ask(_prepare(base))
-    share = check.check_obstacles(peer.ask(check.forbidden_points(base))["collides"])
+    share = check.check_obstacles(peer.ask(check.forbidden_points(base, found))["collides"])
     peer.ask({"do": "compute"})
-    check.check_bounds(base, peer.ask({"do": "sets"})["steps"])
+    own = peer.ask({"do": "sets"})["steps"]
+    check.check_bounds(base, own)
 
     cell_s, cell_d = base.settings.cell_s, base.settings.cell_d
     peer.ask(
@@ -164,14 +194,15 @@ def _checked(
             "beyond": beyond_the_road(base),
         }
     )
-    peer.ask({"do": "compute"})
+    spent: float = peer.ask({"do": "compute"})["compute_s"]
     steps = peer.ask({"do": "sets"})["steps"]
     check.check_bounds(base, steps)
     matched = tuple(step["area"] for step in steps)
+    check.check_alive([step["area"] for step in own], matched)
     areas = check.check_areas(_areas(found), matched, tolerance)
-    finer = base.settings.replace(cell_s=cell_s / 2, cell_d=cell_d / 2)
+    finer = base.settings.replace(cell_s=cell_s / FINER, cell_d=cell_d / FINER)
     fine = check.Areas.of(_areas(free_set(prepare(base.scene, finer))), matched)
-    return frame, Checks(apart, share, matched, areas.largest, areas.smallest, fine.largest)
+    return Checks(share, matched, spent, areas.largest, areas.smallest, fine.largest)
 
 
 def _areas(found: ReachableSet) -> tuple[float, ...]:

@@ -11,6 +11,7 @@ from sandra.actions import ALL_PAIRS, ActionPair
 from sandra.logic import Specification
 from sandra.prediction import predict
 from sandra.reach import Ground, ReachableSet, compute, ground, verify_on
+from sandra.reach.ground import forbidden_cells
 from sandra.scene.types import Scene
 from sandra.settings import Settings
 
@@ -35,6 +36,9 @@ class OurTimes:
     predict: float
     ground: float
     """All that the sets need of scene and prediction."""
+    forbidden: float
+    """The part of it that the peer's collision checker stands for: cells off the road, and those
+    that the others forbid."""
     free: float
     pair: float
     every: float
@@ -45,10 +49,11 @@ def time_ours(scene: Scene, pair: ActionPair, settings: Settings) -> OurTimes:
     """Prediction, ground, the free set, one pair with its formula, all twelve pairs."""
     prediction, predicting = _timed(lambda: predict(scene, KIND, settings.horizon, settings))
     base, preparing = _timed(lambda: ground(scene, prediction, settings))
+    _, forbidding = _timed(lambda: forbidden_cells(scene, prediction, base.lattice))
     _, free = _timed(lambda: free_set(base))
     _, one = _timed(lambda: verify_on(base, (pair,), reasons=False))
     _, every = _timed(lambda: verify_on(base, ALL_PAIRS, reasons=False))
-    return OurTimes(predicting, preparing, free, one, every)
+    return OurTimes(predicting, preparing, forbidding, free, one, every)
 
 
 def _timed(work: Callable[[], T]) -> tuple[T, float]:

@@ -13,7 +13,7 @@ from typing import Any
 
 from sandra.errors import SandraError
 
-PATIENCE = 120.0
+PATIENCE = 300.0
 """The peer is given up after so long without an answer [s]."""
 SCRIPT = Path(__file__).with_name("peer_script.py")
 

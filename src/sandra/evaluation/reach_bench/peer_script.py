@@ -115,7 +115,8 @@ class Worker:
         return {"compute_s": time.process_time() - begin}
 
     def sets(self, asked: dict[str, Any]) -> dict[str, Any]:
-        """Area, number of base sets and ranges of speed of each step."""
+        """Of each step: the area, `boxes` (s_low, d_low, s_high, d_high) that cover it, the number
+        of base sets and their ranges of speed."""
         return {"steps": [_step(nodes) for _, nodes in sorted(self.found.reachable_set().items())]}
 
 
@@ -137,11 +138,12 @@ def _in_frame(frame: Any, x: float, y: float) -> list[float] | None:
 
 def _step(nodes: list[Any]) -> dict[str, Any]:
     if not nodes:
-        return {"area": 0.0, "sets": 0, "v_lon": None, "v_lat": None}
+        return {"area": 0.0, "boxes": [], "sets": 0, "v_lon": None, "v_lat": None}
     boxes = [shapely.box(n.p_lon_min, n.p_lat_min, n.p_lon_max, n.p_lat_max) for n in nodes]
     lon, lat = [n.polygon_lon for n in nodes], [n.polygon_lat for n in nodes]
     return {
         "area": shapely.union_all(boxes).area,
+        "boxes": [b.bounds for b in boxes],
         "sets": len(nodes),
         "v_lon": [min(p.v_min for p in lon), max(p.v_max for p in lon)],
         "v_lat": [min(p.v_min for p in lat), max(p.v_max for p in lat)],

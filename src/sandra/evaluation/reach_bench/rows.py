@@ -13,10 +13,15 @@ RATIOS = (("free", 20.0), ("every", 4.0), ("prepare", 5.0))
 
 @dataclass(frozen=True, slots=True)
 class Ours:
-    """Medians, process CPU [s]; `areas` per step [m^2], `sets` base sets over all steps."""
+    """Medians, process CPU [s]; `areas` per step [m^2], `sets` base sets over all steps.
+
+    `ground` is all that the sets need of scene and prediction; `forbidden` the part of it that
+    finds cells in which the ego would collide or leave the road.
+    """
 
     predict: float
     ground: float
+    forbidden: float
     free: float
     pair: float
     every: float
@@ -40,16 +45,16 @@ class Checks:
     """What was found when the two problems were compared.
 
     Attributes:
-        frame: largest distance between the two frames [m].
         obstacles: share of our forbidden cells that the peer forbids.
         matched: areas of the peer's core per step on our cells, at our resolution [m^2].
+        matched_time: what that took, once [s].
         largest, smallest: our area over the matched one, extremes over the steps.
-        finer: the largest such ratio for our set on cells of half the size.
+        finer: the largest such ratio for our set on cells of a quarter of the size, both ways.
     """
 
-    frame: float
     obstacles: float
     matched: tuple[float, ...]
+    matched_time: float
     largest: float
     smallest: float
     finer: float
@@ -57,7 +62,11 @@ class Checks:
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One scenario at one horizon; `refused` says why it was not timed against the peer."""
+    """One scenario at one horizon.
+
+    `refused` says why it was not timed against the peer, `note` what was changed for the peer's
+    sake.
+    """
 
     scenario: str
     horizon: int
@@ -69,6 +78,7 @@ class Row:
     peer: Peers | None = None
     checks: Checks | None = None
     refused: str | None = None
+    note: str = ""
 
     @property
     def ratios(self) -> dict[str, float]:
@@ -79,7 +89,7 @@ class Row:
         return {
             "free": self.peer.free / self.ours.free,
             "every": self.peer.free / self.ours.every,
-            "prepare": self.peer.prepare / self.ours.ground,
+            "prepare": self.peer.prepare / self.ours.forbidden,
         }
 
     def to_dict(self) -> dict[str, Any]:
@@ -89,10 +99,11 @@ class Row:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """All rows; `versions` of the peer's packages, empty without it."""
+    """All rows; `versions` of the peer's packages, empty without it; our kernel."""
 
     rows: tuple[Row, ...]
     versions: dict[str, str]
+    kernel: str
 
     def medians(self, horizon: int | None = None) -> dict[str, float]:
         """Median ratios over the rows of one horizon, or of all."""
@@ -104,6 +115,7 @@ class Report:
         horizons = sorted({row.horizon for row in self.rows})
         return {
             "versions": self.versions,
+            "kernel": self.kernel,
             "rows": [row.to_dict() for row in self.rows],
             "medians": {
                 "all": self.medians(),
@@ -112,7 +124,11 @@ class Report:
         }
 
     def __str__(self) -> str:
-        lines = [_HEAD, *(line for row in self.rows for line in _lines(row))]
+        lines = [
+            f"our kernel: {self.kernel}",
+            _HEAD,
+            *(line for row in self.rows for line in _lines(row)),
+        ]
         horizons = sorted({row.horizon for row in self.rows})
         of_horizon = [(f"h = {h}", self.medians(h)) for h in horizons]
         for name, found in (*of_horizon, ("all", self.medians())):
@@ -128,10 +144,10 @@ class Report:
 
 _NAMES = {"free": "free set", "every": "all twelve", "prepare": "preparation"}
 _HEAD = (
-    f"{'process CPU [ms]':<34} | {'ours':^44} | {'peer':^23} | {'peer / ours':^17} | area\n"
-    f"{'scenario':<28} {'h':>3}  |{'predict':>8}{'ground':>8}{'free':>8}{'pair':>8}{'all 12':>8}"
-    f"{'sets':>6}|{'ground':>8}{'free':>10}{'sets':>6} |{'free':>6}{'all 12':>7}{'gr.':>5} | "
-    "matched, finer"
+    f"{'process CPU [ms]':<34} | {'ours':^52} | {'peer':^23} | {'peer / ours':^17} | area\n"
+    f"{'scenario':<28} {'h':>3}  |{'predict':>8}{'ground':>8}{'forbid':>8}{'free':>8}{'pair':>8}"
+    f"{'all 12':>8}{'sets':>6}|{'check':>8}{'free':>10}{'sets':>6} |"
+    f"{'free':>6}{'all 12':>7}{'fb.':>5} | matched, finer"
 )
 
 
@@ -139,7 +155,7 @@ def _lines(row: Row) -> list[str]:
     text = f"{row.scenario[:28]:<28} {row.horizon:>3}  |"
     if row.ours is not None:
         ours = row.ours
-        times = (ours.predict, ours.ground, ours.free, ours.pair, ours.every)
+        times = (ours.predict, ours.ground, ours.forbidden, ours.free, ours.pair, ours.every)
         text += "".join(f"{1e3 * t:8.1f}" for t in times) + f"{ours.sets:6}|"
     if row.peer is not None:
         peer = row.peer
@@ -151,6 +167,8 @@ def _lines(row: Row) -> list[str]:
     lines = [text]
     if row.refused:
         lines.append(f"    not timed against the peer: {row.refused}")
+    if row.note:
+        lines.append(f"    in a frame that the peer can follow: {row.note}")
     if row.ours is not None:
         lines.append("    area [m^2] " + _areas(row))
     return lines

@@ -32,6 +32,8 @@ class Report:
     tried: tuple[Tried, ...]
     scenes: int
     seed: int
+    broken: tuple[str, ...] = ()
+    """Scenes that could not be tried because something of ours broke, and what."""
 
     @property
     def rollouts(self) -> int:
@@ -58,8 +60,8 @@ class Report:
 
     @property
     def holds(self) -> bool:
-        """Whether there was neither a collision nor a broken rule."""
-        return not any(t.played.events or t.played.rules for t in self.tried)
+        """Whether there was neither a collision nor a broken rule, and no scene was left out."""
+        return not self.broken and not any(t.played.events or t.played.rules for t in self.tried)
 
     def to_dict(self) -> dict[str, Any]:
         """The JSON contract of `sandra evaluate soundness --json`."""
@@ -70,6 +72,7 @@ class Report:
             "rollouts": self.rollouts,
             "admissible": self.admissible,
             "holds": self.holds,
+            "broken": list(self.broken),
             "collisions": self._counts("collision"),
             "after_cut_in": {
                 **self._counts("after a cut-in"),
@@ -158,6 +161,7 @@ class Report:
         if data["not_admissible"]:
             broken = ", ".join(f"{k} {v}" for k, v in sorted(data["not_admissible"].items()))
             lines.append(f"  assumptions broken by vehicles, rollouts not counted: {broken}")
+        lines += [f"  not tried, an internal error: {what}" for what in self.broken]
         for t in self.tried:
             for e in t.played.events[:1]:
                 lines.append(

@@ -10,6 +10,7 @@
 #include <stdexcept>
 
 #include "kernel.hpp"
+#include "windows.hpp"
 
 namespace nb = nanobind;
 using namespace sandra;
@@ -113,6 +114,75 @@ Field field_of(const LatticeIn &lattice, const Packed &packed) {
         }
     }
     return field;
+}
+
+using Floats = nb::ndarray<const double, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
+using Rows = nb::ndarray<const double, nb::shape<-1, -1>, nb::c_contig, nb::device::cpu>;
+using Ends = nb::ndarray<const std::int64_t, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
+
+// Of each region.
+struct RunsOf {
+    std::vector<std::vector<Run>> regions;
+};
+
+// `lines`: (n, 6) as `Line`; `corners`: (N, 2) of all regions, those of region i before `ends[i]`.
+RunsOf runs_of(const Rows &lines, int rows, const Rows &corners, const Ends &ends, const Floats &radii) {
+    if (lines.shape(1) != 6 || corners.shape(1) != 2 || ends.shape(0) != radii.shape(0) || rows < 1) {
+        throw std::invalid_argument("lines have six numbers, corners two, and each region a radius");
+    }
+    std::vector<Line> mine;
+    for (std::size_t i = 0; i < lines.shape(0); ++i) {
+        const double *x = lines.data() + 6 * i;
+        mine.push_back({x[0], x[1], x[2], x[3], x[4], x[5]});
+    }
+    Forbidden forbidden(std::move(mine), rows);
+    std::vector<Point> polygon;
+    RunsOf out;
+    std::int64_t begin = 0;
+    for (std::size_t r = 0; r < ends.shape(0); ++r) {
+        const std::int64_t end = ends.data()[r];
+        if (end <= begin || end > static_cast<std::int64_t>(corners.shape(0))) {
+            throw std::invalid_argument("each region has corners");
+        }
+        polygon.clear();
+        for (std::int64_t i = begin; i < end; ++i) polygon.push_back({corners.data()[2 * i], corners.data()[2 * i + 1]});
+        out.regions.push_back(forbidden.runs(polygon.data(), polygon.size(), radii.data()[r]));
+        begin = end;
+    }
+    return out;
+}
+
+// The masks off the road and of the regions named for each step, as bits.
+Field united(const LatticeIn &lattice, const Packed &off_road, const RunsOf &runs, const std::vector<std::vector<int>> &steps) {
+    const Field road = field_of(lattice, off_road);
+    if (road.forbidden.size() != 1) throw std::invalid_argument("the road has one mask");
+    Field field{road.lattice, road.words, {}};
+    for (const auto &regions : steps) {
+        auto &mask = field.forbidden.emplace_back(road.forbidden[0]);
+        for (const int region : regions) {
+            for (const Run &run : runs.regions.at(static_cast<std::size_t>(region))) {
+                if (run.column >= field.lattice.columns || run.last > field.lattice.rows) {
+                    throw std::invalid_argument("the regions do not fit the lattice");
+                }
+                const auto word = static_cast<std::size_t>(run.column) / 64;
+                const std::uint64_t bit = 1ULL << (run.column % 64);
+                for (int j = run.first; j < run.last; ++j) mask[static_cast<std::size_t>(j) * field.words + word] |= bit;
+            }
+        }
+    }
+    return field;
+}
+
+nb::bytes mask_of(const Field &field, std::size_t k) {
+    const auto &words = field.forbidden.at(k);
+    return nb::bytes(reinterpret_cast<const char *>(words.data()), words.size() * 8);
+}
+
+// (column, first, last) of each run of a region.
+nb::list runs(const RunsOf &all, std::size_t region) {
+    nb::list out;
+    for (const Run &run : all.regions.at(region)) out.append(nb::make_tuple(run.column, run.first, run.last));
+    return out;
 }
 
 std::vector<std::vector<Move>> moves_of(const std::vector<std::vector<MoveIn>> &in) {
@@ -221,7 +291,10 @@ NB_MODULE(_native, m) {
     m.doc() = "The native twin of sandra.reach.kernel.";
     nb::class_<Field>(m, "Field").def("__init__", [](Field *self, const LatticeIn &lattice, const Packed &packed) {
         new (self) Field(field_of(lattice, packed));
-    });
+    }).def("mask", &mask_of);
+    nb::class_<RunsOf>(m, "Runs").def("of", &runs);
+    m.def("runs", &runs_of);
+    m.def("united", &united);
     nb::class_<Moves>(m, "Moves").def(
         "__init__", [](Moves *self, int initial, const std::vector<std::vector<MoveIn>> &moves,
                        const std::vector<std::vector<MoveIn>> &final, const std::vector<std::vector<int>> &live) {

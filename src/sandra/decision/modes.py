@@ -1,0 +1,139 @@
+"""In which order is asked and verified: the modes of a decision (method 7).
+
+Each mode is a function that puts the question, lets the scene be prepared meanwhile, and returns
+what was asked, what was answered, and the verdicts. A further mode is a further function here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from sandra.actions import ALL_PAIRS, ActionPair
+from sandra.decision.judge import Judge
+from sandra.decision.stages import Clock, Meanwhile
+from sandra.describe import Prompt, narrow
+from sandra.rankers import Failure, Ranker, Ranking, begin
+from sandra.reach import Status, Verdict
+
+MODES = ("rank", "exhaustive", "verify-first")
+WALKS = ("ranked", "first", "all")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Walked:
+    """The question as it was last put, its answer, and the verdicts: of ranked pairs first."""
+
+    prompt: Prompt
+    ranking: Ranking
+    verdicts: tuple[Verdict, ...]
+    judge: Judge
+
+
+def rank_first(
+    ranker: Ranker,
+    prompt: Prompt,
+    deadline: float,
+    prepare: Callable[[], Judge],
+    walk: str,
+    clock: Clock,
+) -> Walked:
+    """The paper's order: a ranking of all that is feasible, then verdicts on what was ranked."""
+    waiting = Meanwhile(lambda: ranker.rank(prompt, deadline), ranker.name)
+    # While somebody thinks about the ranking, all is prepared that does not depend on it.
+    judge = prepare()
+    with clock.stage("plan"):
+        if not waiting.done:
+            judge.fail_safe_now()
+    clock.tell("rank")
+    ranking = waiting.result()
+    clock.durations["rank"] = waiting.duration
+    with clock.stage("verify"):
+        verdicts = _verified(judge, ranking.pairs, walk)
+    with clock.stage("plan"):
+        verdicts = _certified(judge, verdicts, ranking.pairs, walk)
+    return Walked(prompt, ranking, verdicts, judge)
+
+
+def verify_first(
+    ranker: Ranker,
+    prompt: Prompt,
+    deadline: float,
+    prepare: Callable[[], Judge],
+    clock: Clock,
+) -> Walked:
+    """All pairs are verified while the ranker reads and reasons; it then ranks those that hold.
+
+    Where no pair holds, or only one, no ranking is waited for.
+    """
+    ahead = begin(ranker, prompt, deadline)
+    try:
+        judge = prepare()
+        with clock.stage("verify"):
+            verdicts = judge.verify(ALL_PAIRS, reasons=False)
+        with clock.stage("plan"):
+            verdicts = tuple(judge.certify(v) if v.pair in prompt.feasible else v for v in verdicts)
+            if not ahead.ready:
+                judge.fail_safe_now()
+        hold = [v.pair for v in verdicts if judge.holds(v) and v.pair in prompt.feasible]
+        if hold:
+            prompt = narrow(prompt, hold)
+        clock.tell("rank")
+        known = _needs_no_question(hold, ranker.name, judge.enough)
+        waiting = Meanwhile(lambda: known or ahead.finish(prompt), ranker.name)
+        # Why the others do not hold decides nothing: it is found out while the ranking is written.
+        with clock.stage("verify"):
+            verdicts = _explained(judge, verdicts)
+        ranking = waiting.result()
+        clock.durations["rank"] = ahead.duration
+    finally:
+        ahead.stop()
+    return Walked(prompt, ranking, _in_order(verdicts, ranking.pairs), judge)
+
+
+def _needs_no_question(hold: Sequence[ActionPair], name: str, enough: Status) -> Ranking | None:
+    if not hold:
+        why = f"no feasible pair is {enough.value}: there was nothing to rank"
+        return Ranking((), name, Failure.NOT_ASKED, why)
+    if len(hold) == 1:
+        why = f"only {hold[0]} is {enough.value}: no ranking was waited for"
+        return Ranking(tuple(hold), name, warnings=(why,))
+    return None
+
+
+def _explained(judge: Judge, verdicts: Sequence[Verdict]) -> tuple[Verdict, ...]:
+    """The same verdicts; those that are UNSAFE with what emptied their sets."""
+    unsafe = [v.pair for v in verdicts if v.first_empty_step is not None]
+    told = {v.pair: v for v in judge.verify(unsafe)}
+    return tuple(told.get(v.pair, v) for v in verdicts)
+
+
+def _in_order(verdicts: Sequence[Verdict], ranked: Sequence[ActionPair]) -> tuple[Verdict, ...]:
+    of_pair = {v.pair: v for v in verdicts}
+    first = [of_pair[pair] for pair in ranked]
+    return (*first, *(v for v in verdicts if v.pair not in ranked))
+
+
+def _verified(judge: Judge, ranked: Sequence[ActionPair], walk: str) -> tuple[Verdict, ...]:
+    found: list[Verdict] = []
+    for pair in ranked:
+        found += judge.verify([pair])
+        if walk == "first" and found[-1].first_empty_step is None:
+            break
+    if walk == "all":
+        found += judge.verify([pair for pair in ALL_PAIRS if pair not in ranked])
+    return tuple(found)
+
+
+def _certified(
+    judge: Judge, verdicts: Sequence[Verdict], ranked: Sequence[ActionPair], walk: str
+) -> tuple[Verdict, ...]:
+    """Certify in the order of the ranking; unless all are asked for, until one is certified."""
+    found: list[Verdict] = []
+    done = False
+    for verdict in verdicts:
+        if not done or walk == "all":
+            verdict = judge.certify(verdict)
+        done = done or (judge.holds(verdict) and verdict.pair in ranked)
+        found.append(verdict)
+    return tuple(found)
