@@ -30,6 +30,7 @@ from sandra.certificate.others import (
     _standing_still,
     _straight_on,
     _travelled,
+    _within,
     occupancies,
 )
 from sandra.certificate.types import Pavement
@@ -300,6 +301,25 @@ def test_regions_hold_a_body_together_or_alone() -> None:
     assert _held([regions, (whole,), regions], np.array([body, beside, body])).tolist() == [
         *(True, False, True)
     ]
+
+
+def test_a_shape_is_within_a_radius_if_its_corners_are() -> None:
+    point, bar = shapely.Point(0.0, 0.0), shapely.box(-3.0, -1.0, 3.0, 1.0)
+    shape = shapely.Polygon([(3.0, 4.0), (-3.0, 4.0), (0.0, -5.0)])
+    for radius, hull, ok in (
+        # Every corner is 5 m from the point; 3, 3 and 4 m from the bar, one of them aside of it.
+        (5.0, point, True),
+        (math.nextafter(5.0, 0.0), point, False),
+        (4.0, bar, True),
+        (3.9, bar, False),
+        (2.9, bar, False),
+        (0.0, bar, False),
+        (0.0, shape, True),
+    ):
+        several = np.array([shape, point, shapely.Polygon()])
+        found = _within(np.full(3, radius), np.array([hull] * 3), several)
+        # The point lies in each of them, and what has no corner is nowhere.
+        assert found.tolist() == [ok, True, False]
 
 
 # How much must be predicted
