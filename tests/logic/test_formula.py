@@ -13,13 +13,16 @@ from sandra.logic.formula import (
     Comparison,
     Finally,
     Globally,
+    Iff,
     Implies,
     Next,
     Not,
     Or,
     Predicate,
+    Release,
     Until,
     WeakNext,
+    WeakUntil,
     atoms_of,
     compare,
     conjunction,
@@ -175,6 +178,41 @@ def test_simplify_folds_constants():
 )
 def test_simplify_folds_constants_in_time(formula, simple):
     assert simplify(formula) == simple
+
+
+@pytest.mark.parametrize(
+    ("node", "with_true", "with_false"),
+    [
+        # What becomes of it if a constant is on the left, ...
+        (lambda c: Not(c), FALSE, TRUE),
+        (lambda c: And(c, P), P, FALSE),
+        (lambda c: Or(c, P), TRUE, P),
+        (lambda c: Implies(c, P), P, TRUE),
+        (lambda c: Iff(c, P), P, Not(P)),
+        (lambda c: Until(c, P), Finally(P), P),
+        (lambda c: Release(c, P), P, Globally(P)),
+        (lambda c: WeakUntil(c, P), TRUE, P),
+        # ... and on the right.
+        (lambda c: And(P, c), P, FALSE),
+        (lambda c: Or(P, c), TRUE, P),
+        (lambda c: Implies(P, c), TRUE, Not(P)),
+        (lambda c: Implies(Not(P), c), TRUE, P),
+        (lambda c: Iff(P, c), P, Not(P)),
+        (lambda c: Iff(Not(P), c), Not(P), P),
+        (lambda c: Until(P, c), TRUE, FALSE),
+        (lambda c: Release(P, c), TRUE, FALSE),
+        (lambda c: WeakUntil(P, c), TRUE, Globally(P)),
+        (lambda c: Globally(c), TRUE, FALSE),
+        (lambda c: Finally(c), TRUE, FALSE),
+        (lambda c: Globally(Not(c), 1, 3), Globally(FALSE, 1, 3), TRUE),
+        (lambda c: Finally(Not(c), 1, 3), FALSE, Finally(TRUE, 1, 3)),
+        (lambda c: Not(Not(Next(c))), Next(TRUE), FALSE),
+        (lambda c: Not(WeakNext(c)), FALSE, Not(WeakNext(FALSE))),
+    ],
+)
+def test_simplify_leaves_no_constant_that_is_not_needed(node, with_true, with_false):
+    assert simplify(node(TRUE)) == with_true
+    assert simplify(node(FALSE)) == with_false
 
 
 @pytest.mark.parametrize("formula", [Next(TRUE), WeakNext(FALSE), Finally(TRUE, 1, 2)])
