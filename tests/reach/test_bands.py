@@ -15,6 +15,7 @@ from sandra.reach.bands import (
     Stretch,
     _alike,
     _dense,
+    _per_column,
     band,
     leaders,
     limits,
@@ -365,3 +366,24 @@ def test_borders_are_read_as_far_as_a_body_anywhere_in_the_lattice_reaches() -> 
             (found,) = band(FRAME, lattice, left, right, radius)
             assert (found.s_low, found.s_high) == (10.0, 14.0)
             assert (found.right_low, found.left_high) == (d[0] - BORDER_MARGIN, d[1] + BORDER_MARGIN)
+
+
+def test_pieces_of_a_border_count_in_each_column_they_pass() -> None:
+    """Columns of 1 m from 0 m to 3 m; what begins on a line is not in the column before it."""
+    lines = np.arange(4.0)
+    for (a, b), columns in (
+        ((0.25, 0.75), [0]),
+        ((2.25, 2.75), [2]),
+        ((1.0, 2.0), [1]),
+        ((-0.5, 0.5), [0]),
+        ((2.5, 3.5), [2]),
+        ((0.5, 2.5), [0, 1, 2]),
+        ((-0.75, -0.25), []),
+        ((3.25, 3.75), []),
+    ):
+        for start, end in (((a, 5.0), (b, 6.0)), ((b, 6.0), (a, 5.0))):
+            low, high = _per_column(np.array([start]), np.array([end]), lines)
+            assert np.flatnonzero(np.isfinite(low)).tolist() == columns
+            assert np.flatnonzero(np.isfinite(high)).tolist() == columns
+            assert set(low[columns]) <= {5.0}
+            assert set(high[columns]) <= {6.0}
