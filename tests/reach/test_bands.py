@@ -365,7 +365,10 @@ def test_borders_are_read_as_far_as_a_body_anywhere_in_the_lattice_reaches() -> 
             left, right = (np.column_stack([s, np.full_like(s, x)]) for x in d[::-1])
             (found,) = band(FRAME, lattice, left, right, radius)
             assert (found.s_low, found.s_high) == (10.0, 14.0)
-            assert (found.right_low, found.left_high) == (d[0] - BORDER_MARGIN, d[1] + BORDER_MARGIN)
+            assert (found.right_low, found.left_high) == (
+                d[0] - BORDER_MARGIN,
+                d[1] + BORDER_MARGIN,
+            )
 
 
 def test_pieces_of_a_border_count_in_each_column_they_pass() -> None:
