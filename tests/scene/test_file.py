@@ -127,9 +127,9 @@ def test_200_mb_of_noise_are_refused_at_once(tmp_path: Path, name: str, head: by
     with path.open("wb") as file:
         file.write(head + b"\x0b" + os.urandom(100_000))
         file.truncate(200_000_000)
-    load_once = time.perf_counter()
+    begin = time.process_time()
     message(path)
-    assert time.perf_counter() - load_once < 2.0
+    assert time.process_time() - begin < 2.0
 
 
 def test_protobuf_that_cannot_be_read(tmp_path: Path) -> None:
