@@ -33,7 +33,7 @@ def test_corners_of_a_lanelet_are_on_it() -> None:
 def test_a_point_just_beside_one_lanelet_may_be_on_another() -> None:
     """The first one runs at 45 degrees; the point is within the box of one of its cells."""
     way = np.array([[0.0, 0.0], [20.0, 20.0]])
-    crossing = lanelet(1, way, way + (-2.5, 2.5))
+    crossing = lanelet(1, way, way + np.array([-2.5, 2.5]))
     found = build_map((crossing, lane(2, 0.0, 40.0, y=8.0)), 0.0)
     assert [place.lanelet for place in found.places(10.2, 10.3, 0.0, 0.0)] == [1, 2]
     point = np.array([10.3, 10.2])

@@ -65,6 +65,14 @@ def test_recording_that_ends_goes_on_along_the_lane() -> None:
     )
 
 
+def test_recording_that_begins_at_the_next_step() -> None:
+    states = recording(12)
+    states[0] = np.nan
+    each = predict(scene(ROAD, (car(1, 5, 1.75, states=states),)), "set-based", 10).obstacles[0]
+    assert [bool(regions) for regions in each.at] == [False] + [True] * 10
+    assert all(each.between)
+
+
 def test_recording_that_begins_later() -> None:
     states = recording(12)
     states[:5] = np.nan
