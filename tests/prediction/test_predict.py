@@ -65,6 +65,10 @@ def test_recording_that_ends_goes_on_along_the_lane() -> None:
     )
 
 
+def test_a_prediction_of_ones_own_needs_no_notes() -> None:
+    assert Prediction("mine", 0.1, 0, ()).notes == ()
+
+
 def test_recording_that_begins_at_the_next_step() -> None:
     states = recording(12)
     states[0] = np.nan
