@@ -4,6 +4,7 @@ import pickle
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -199,6 +200,20 @@ def test_the_choice_of_a_kernel(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(twin.VARIABLE, "native")
     with pytest.raises(SettingsError, match="was not built"):
         twin.chosen()
+
+
+@needs_native
+def test_a_kernel_of_other_sources_is_not_used(tmp_path: Path) -> None:
+    here = Path(twin.__file__).with_name("native")
+    assert twin.built(here) is twin.native
+    assert twin.built(tmp_path) is twin.native  # installed without sources
+    for path in here.glob("*.?pp"):
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    assert twin.built(tmp_path) is twin.native
+    with (tmp_path / "kernel.hpp").open("a") as file:
+        file.write("// changed")
+    with pytest.warns(RuntimeWarning, match="other sources"):
+        assert twin.built(tmp_path) is None
 
 
 @pytest.mark.parametrize("name", ["python", pytest.param("native", marks=needs_native)])

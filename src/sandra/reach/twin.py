@@ -6,9 +6,12 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Callable, Sequence
 from functools import cached_property, partial
+from hashlib import sha256
 from importlib import import_module
+from pathlib import Path
 from typing import Any, overload
 
 import numpy as np
@@ -22,12 +25,29 @@ from sandra.reach.moves import Move, Moves
 from sandra.reach.problem import Answer, Problem, Region, alike
 from sandra.reach.sets import BaseSet, ReachableSet
 
-try:
-    native: Any = import_module("sandra.reach._native")
-except ImportError:  # no compiler when the package was installed
-    native = None
-
 VARIABLE = "SANDRA_KERNEL"
+
+
+def built(sources: Path) -> Any:
+    """The native kernel; None if it was not built, or from other sources than those in a folder."""
+    try:
+        module = import_module("sandra.reach._native")
+    except ImportError:  # no compiler when the package was installed
+        return None
+    files = sorted(sources.glob("*.?pp"))  # a package that is not worked on comes without them
+    stamp = sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
+    if files and getattr(module, "SOURCES", "") != stamp:
+        warnings.warn(
+            "the native kernel was built from other sources than those that are here, so the "
+            "Python kernel is used: build it anew with 'pip install -e .'",
+            RuntimeWarning,
+            stacklevel=2,
+        )
+        return None
+    return module
+
+
+native = built(Path(__file__).with_name("native"))
 
 
 def reachable_set(problem: Problem) -> ReachableSet:

@@ -288,6 +288,7 @@ nb::object contested(const Sets &sets, std::size_t which) {
 
 NB_MODULE(_native, m) {
     nb::set_leak_warnings(false);  // moves are kept in a cache until the end
+    m.attr("SOURCES") = SANDRA_SOURCES;
     m.doc() = "The native twin of sandra.reach.kernel.";
     nb::class_<Field>(m, "Field").def("__init__", [](Field *self, const LatticeIn &lattice, const Packed &packed) {
         new (self) Field(field_of(lattice, packed));
