@@ -55,6 +55,11 @@ def test_clipping_is_shapelys(points: np.ndarray, angle: float, offset: float) -
         assert (batch[0] @ n <= offset + 1e-6).all()
 
 
+def test_a_batch_of_no_polygons_is_as_narrow_as_can_be() -> None:
+    assert stack([]).shape == (0, 1, 2)
+    assert stack([np.zeros((3, 2))]).shape == (1, 3, 2)
+
+
 def test_rows_of_a_batch_are_clipped_one_by_one() -> None:
     square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
     triangle = square[:3]

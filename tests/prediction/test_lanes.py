@@ -30,6 +30,17 @@ def test_corners_of_a_lanelet_are_on_it() -> None:
         assert len(found.places(x, y, 0.0, 1e-5)) == 1
 
 
+def test_a_point_just_beside_one_lanelet_may_be_on_another() -> None:
+    """The first one runs at 45 degrees; the point is within the box of one of its cells."""
+    way = np.array([[0.0, 0.0], [20.0, 20.0]])
+    crossing = lanelet(1, way, way + np.array([-2.5, 2.5]))
+    found = build_map((crossing, lane(2, 0.0, 40.0, y=8.0)), 0.0)
+    assert [place.lanelet for place in found.places(10.2, 10.3, 0.0, 0.0)] == [1, 2]
+    point = np.array([10.3, 10.2])
+    assert found.near(point, point).sum() >= 2
+    assert [place.lanelet for place in found.places(10.3, 10.2, 0.0, 0.0)] == [2]
+
+
 def test_relative_heading_is_wrapped() -> None:
     found = build_map((lane(1, 0.0, 40.0),), 0.0)
     for heading, relative in ((0.3, 0.3), (2 * np.pi - 0.3, -0.3), (-2 * np.pi + 3.0, 3.0)):
@@ -48,6 +59,17 @@ def test_a_doubled_point_of_the_map_does_no_harm() -> None:
     place = next(p for p in found.places(0.0, 2.0, 0.1, 0.0) if p.lanelet == 2)
     assert (place.s, place.p, place.y) == pytest.approx((0.0, 0.0, 0.25))
     assert [x.hull.shape[1] for x in LaneTable.of(found).slices]
+
+
+@pytest.mark.parametrize(
+    ("ahead", "stretch"), [(0.0, 1.0), (3.5, np.sqrt(2.0)), (-3.5, np.sqrt(2.0)), (35.0, 5.0)]
+)
+def test_across_a_slanted_lanelet_it_is_further_but_five_times_at_most(
+    ahead: float, stretch: float
+) -> None:
+    """The left border begins and ends further ahead than the right one, 3.5 m beside it."""
+    slanted = lanelet(1, line(0.0, 0.0, 40.0), line(3.5, ahead, 40.0 + ahead))
+    assert build_map((slanted,), 0.0).strips[1].stretch == pytest.approx(stretch)
 
 
 def test_the_maps_own_cross_sections_are_known() -> None:

@@ -74,3 +74,19 @@ def test_a_disc_holds_the_hardest_driving_in_any_direction(speed: float) -> None
         place = np.array([500.0, 1.75]) + moved
         away = np.hypot(*(place - disc.vertices[0]).T) + np.hypot(4.5, 1.8) / 2
         assert away.max() <= disc.radius
+        # and no more than that: from the speed that it has, not from the highest one
+        assert disc.radius <= speed * time + 6.0 * time**2 + np.hypot(4.5, 1.8) / 2 + 0.5
+
+
+def test_a_disc_that_just_comes_near_is_none() -> None:
+    """Farther away than the distance given, not as far: then it is predicted as before."""
+    now = scene(straight_road(), (car(1, 500.0, 1.75, 0.0, 8.0),), State(0.0, 1.75, 0.0, 10.0))
+    (found,) = sets(now, np.zeros(HORIZON)).obstacles
+    near = 500.0 - np.array([disc.radius for (disc,) in found.between])
+    near[:-1] -= 1.0
+    assert near[-1] + found.between[-1][0].radius == 500.0
+    (found,) = sets(now, near).obstacles
+    assert [is_disc(step) for step in found.between] == [True, True, True, False]
+    near[-1] = np.nextafter(near[-1], 0.0) - 1e-12
+    (found,) = sets(now, near).obstacles
+    assert all(is_disc(step) for step in found.between)

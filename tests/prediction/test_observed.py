@@ -16,6 +16,7 @@ from sandra.prediction.observed import (
     ON_LANE,
     TowardsEgo,
     _touches,
+    along_lane,
     check_assumptions,
     observe,
     safe_distance,
@@ -172,3 +173,12 @@ def test_touching_a_border_from_outside_is_not_reaching_in() -> None:
     assert 7.9 - 0.9 == 7.0
     assert not touches(0.0, 7.9)
     assert not touches(200.0 + 2.25, 5.25)
+
+
+def test_places_along_the_lane_of_an_ego_that_has_none() -> None:
+    places = np.array([[3.0, 1.0], [7.0, -2.0]])
+    nowhere = along_lane(scene(ROAD, ()), places)
+    assert nowhere.dtype == np.float64
+    assert np.isnan(nowhere).tolist() == [True, True]
+    on_lane = along_lane(scene(ROAD, (), current=(21, 22)), places)
+    assert np.diff(on_lane) == pytest.approx([4.0])

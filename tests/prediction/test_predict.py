@@ -56,6 +56,25 @@ def test_recording_that_ends_goes_on_along_the_lane() -> None:
         "recording ends at step 20 of 25; beyond it 1 obstacle is assumed to keep "
         "its velocity along its lane",
     )
+    several = tuple(car(i, 0, 1.75, states=recording(n)) for i, n in ((1, 21), (2, 21), (3, 11)))
+    assert predict(scene(ROAD, several), "recorded", 25).notes == (
+        "recording ends at step 10 of 25; beyond it 1 obstacle is assumed to keep "
+        "its velocity along its lane",
+        "recording ends at step 20 of 25; beyond it 2 obstacles are assumed to keep "
+        "their velocity along their lane",
+    )
+
+
+def test_a_prediction_of_ones_own_needs_no_notes() -> None:
+    assert Prediction("mine", 0.1, 0, ()).notes == ()
+
+
+def test_recording_that_begins_at_the_next_step() -> None:
+    states = recording(12)
+    states[0] = np.nan
+    each = predict(scene(ROAD, (car(1, 5, 1.75, states=states),)), "set-based", 10).obstacles[0]
+    assert [bool(regions) for regions in each.at] == [False] + [True] * 10
+    assert all(each.between)
 
 
 def test_recording_that_begins_later() -> None:

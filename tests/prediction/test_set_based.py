@@ -279,6 +279,7 @@ def test_pedestrians_bicycles_and_the_unknown() -> None:
     assert y1 == pytest.approx(-3 + ahead + 0.3, abs=0.02)
     assert y0 < -3 - 3.0
     assert -x0 == pytest.approx(x1)
+    assert each.assumptions == ("pedestrian_max_acceleration", "pedestrian_max_speed")
     cyclist = sets_of(ROAD, car(1, 0, 1.75, speed=5.0, kind="bicycle"), OPEN)
     assert spread(cyclist.at[20])[3] > 15.0
     assert "stay_on_carriageway" not in cyclist.assumptions

@@ -8,7 +8,14 @@ import shapely
 
 from prediction.traffic import bend, fork, straight_road
 from sandra.prediction.lane_cutting import _projected, build_map
-from sandra.prediction.slicing import FEW_CORNERS, GROWTH, simplified, slices_of
+from sandra.prediction.slicing import (
+    FEW_CORNERS,
+    GROWTH,
+    _is_straight,
+    _straight_parts,
+    simplified,
+    slices_of,
+)
 from sandra.scene.convex import hull
 
 
@@ -56,6 +63,21 @@ def test_slices_hold_all_cells(lanelets: tuple) -> None:
             assert part.ahead == progress.max()
             ends = np.stack([strip.right, strip.left], axis=1)[part.first : part.last + 1]
             assert (progress - ends @ part.along).max() == pytest.approx(part.lag)
+
+
+@pytest.mark.parametrize("radius", [20.0, 60.0, 400.0, 3000.0])
+def test_slices_of_a_bend_are_as_long_as_they_are_straight(radius: float) -> None:
+    """Both borders of a lane along a circle, every metre."""
+    turn = np.exp(1j * np.arange(300) / radius)
+    sides = np.column_stack([(radius + 1.75) * turn, (radius - 1.75) * turn])
+    for low, high in ((0, 299), (7, 150), (100, 102)):
+        parts = _straight_parts(sides, low, high)
+        assert [first for first, _ in parts] == [low, *(last for _, last in parts[:-1])]
+        assert parts[-1][1] == high
+        for first, last in parts:
+            assert last > first
+            assert _is_straight(sides[first : last + 1]) or last == first + 1
+            assert last == high or not _is_straight(sides[first : last + 2])
 
 
 def test_projection_onto_a_border_is_the_nearest_point() -> None:

@@ -14,6 +14,8 @@ from sandra.reach.bands import (
     Leader,
     Stretch,
     _alike,
+    _dense,
+    _per_column,
     band,
     leaders,
     limits,
@@ -242,7 +244,7 @@ def test_one_that_was_in_the_lane_from_the_start_has_not_cut_in() -> None:
 def test_a_widened_outline_reaches_the_lane_and_counts_to_its_rear() -> None:
     course = Course()
     disc = Region.disc(0.5)
-    for d, there in ((2.25, True), (2.2501, False)):
+    for d, there in ((2.25, True), (2.2501, False), (-2.25, True), (-2.2501, False)):
         cars = [course.car(2, 10.0, d, 4.0, outline=disc)]
         scene = course.scene(course.lanes(left=0, right=0), cars)
         assert led(scene, {}, 0)[0] == (((Leader(49.5, 4.0),),) if there else ((),))
@@ -332,3 +334,59 @@ def test_near_the_centre_of_a_bend_the_body_reaches_five_times_as_far() -> None:
     lane = course.lane("left", 2, 22.0, 22.0, start=40.0, end=50.0)
     found = band(frame, Lattice(20.0, -20.0, 0.5, 0.25, 100, 160), lane.left, lane.right, 2.0)
     assert 40.0 - 10.0 - 1.05 <= found[0].s_low <= 40.0 - 10.0 + 0.05
+
+
+def test_the_body_reaches_from_the_first_column_to_the_last() -> None:
+    lattice = Lattice(10.0, -5.0, 0.5, 0.25, 3, 40)
+    for start, end in ((10.1, 10.2), (11.3, 11.4)):
+        lines = (np.array([[start, d], [end, d]]) for d in (1.75, -1.75))
+        found = band(FRAME, lattice, *lines, 2.0)
+        assert (found[0].s_low, found[-1].s_high) == (10.0, 11.5)
+
+
+def test_edges_that_just_may_come_near_are_read() -> None:
+    """From 3 m to 5 m away: no further than its length from 1 m."""
+    edge = np.array([[3.0, 0.0], [5.0, 0.0]])
+    for way in (edge, edge[::-1], edge[:, ::-1]):
+        points, joined, line = _dense([way], np.zeros(2), 1.0)
+        assert points.shape == (9, 2)
+        assert joined.all()
+        assert not line.any()
+        assert len(_dense([way], np.zeros(2), 1.0 - 2.0**-40)[0]) == 0
+
+
+def test_borders_are_read_as_far_as_a_body_anywhere_in_the_lattice_reaches() -> None:
+    """From its outermost lines on either side, however coarse it is and however long the body."""
+    s = np.arange(5.0, 20.0)
+    for rows, height, radius, lane in ((1, 40.0, 0.75, 18.0), (40, 0.25, 20.0, 22.0)):
+        lattice = Lattice(10.0, -rows * height / 2, 0.5, height, 8, rows)
+        for sign in (-1.0, 1.0):
+            d = sorted((sign * lane, sign * (lane + 1.0)))
+            left, right = (np.column_stack([s, np.full_like(s, x)]) for x in d[::-1])
+            (found,) = band(FRAME, lattice, left, right, radius)
+            assert (found.s_low, found.s_high) == (10.0, 14.0)
+            assert (found.right_low, found.left_high) == (
+                d[0] - BORDER_MARGIN,
+                d[1] + BORDER_MARGIN,
+            )
+
+
+def test_pieces_of_a_border_count_in_each_column_they_pass() -> None:
+    """Columns of 1 m from 0 m to 3 m; what begins on a line is not in the column before it."""
+    lines = np.arange(4.0)
+    for (a, b), columns in (
+        ((0.25, 0.75), [0]),
+        ((2.25, 2.75), [2]),
+        ((1.0, 2.0), [1]),
+        ((-0.5, 0.5), [0]),
+        ((2.5, 3.5), [2]),
+        ((0.5, 2.5), [0, 1, 2]),
+        ((-0.75, -0.25), []),
+        ((3.25, 3.75), []),
+    ):
+        for start, end in (((a, 5.0), (b, 6.0)), ((b, 6.0), (a, 5.0))):
+            low, high = _per_column(np.array([start]), np.array([end]), lines)
+            assert np.flatnonzero(np.isfinite(low)).tolist() == columns
+            assert np.flatnonzero(np.isfinite(high)).tolist() == columns
+            assert set(low[columns]) <= {5.0}
+            assert set(high[columns]) <= {6.0}

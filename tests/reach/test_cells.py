@@ -106,3 +106,15 @@ def test_long_cells_on_the_outside_of_a_bend_at_the_end_of_the_road(offset: floa
     # 0.1 m is what the closing of slits may take off a corner of the road
     assert farthest[found].max() <= 0.9 + 0.1
     assert 100 < found.sum() < found.size - 100
+
+
+def test_cells_up_to_twice_as_large_are_told_like_the_largest() -> None:
+    """0.75 m by 1 m: 0.625 m from the centre to a corner, and as much again by bulging."""
+    scene = Course().scene(Course().lanes(left=0, right=0))
+    lattice = Lattice(38.25, -4.0, 0.75, 1.0, 2, 8)
+    corners = grid(scene, *lattice.corners())
+    away = corners[:-1, :-1] - grid(scene, *lattice.centers())
+    assert (np.hypot(away[..., 0], away[..., 1]) == 0.625).all()
+    for bulging, alike in ((0.625, True), (0.625 + 2.0**-40, False)):
+        found = off_road(scene, lattice, corners, np.array([0.0, bulging]))
+        assert (found[0] == found[1]).all() == alike

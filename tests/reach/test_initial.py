@@ -107,6 +107,11 @@ def test_long_lines_are_read_each_metre() -> None:
     coarse = Course(step=100.0)
     scene = coarse.scene(coarse.lanes(left=0, right=0))
     assert sorted(_borders_between(scene, (45.0, 46.0), 8.0)) == [-1.75, -1.75, 1.75, 1.75]
+    # up to their last one, and not only from corner to corner
+    short = coarse.lane("none", 110, 5.0, 6.0, start=4.0, end=7.0)
+    scene = coarse.scene(coarse.lanes(left=0, right=0), more_lanelets=[short])
+    for s in (44.0, 45.0, 46.0, 47.0):
+        assert sorted(_borders_between(scene, (s, s), 8.0)) == [-1.75, 1.75, 5.0, 6.0]
 
 
 def test_borders_far_away_are_left_out_however_long_their_parts_are() -> None:

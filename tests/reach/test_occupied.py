@@ -8,7 +8,7 @@ import pytest
 from random_scenes import draw
 from sandra.prediction import predict
 from sandra.reach import Ground, ground, twin
-from sandra.reach.occupied import NativeMasks, NativeWindows
+from sandra.reach.occupied import NativeMasks, NativeWindows, _windows
 from sandra.settings import Settings
 
 pytestmark = pytest.mark.skipif(twin.native is None, reason="the native kernel was not built")
@@ -23,6 +23,28 @@ def both(seed: int, kind: str, monkeypatch: pytest.MonkeyPatch) -> tuple[Ground,
         monkeypatch.setenv(twin.VARIABLE, name)
         grounds.append(ground(scene, predicted, settings))
     return grounds[0], grounds[1]
+
+
+def test_each_kernel_is_given_what_is_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the native one has found serves the other one as well, and not the other way round."""
+    found, expected = both(3, "most-likely", monkeypatch)
+    assert isinstance(found.by_obstacle, NativeWindows)
+    assert isinstance(found.forbidden, NativeMasks)
+    assert not isinstance(expected.by_obstacle, NativeWindows)
+    assert not isinstance(expected.forbidden, NativeMasks)
+    assert not isinstance(found.forbidden_without(None), NativeMasks)
+    monkeypatch.setenv(twin.VARIABLE, "native")
+    assert isinstance(found.forbidden_without(None), NativeMasks)
+    assert not isinstance(expected.forbidden_without(None), NativeMasks)
+
+
+def test_neighbouring_columns_are_one_window() -> None:
+    first, second = _windows([(2, 0, 2), (3, 1, 3), (5, 4, 5)])
+    assert first[:4] == (2, 4, 0, 3)
+    assert first[4].tolist() == [[True, True, False], [False, True, True]]
+    assert second[:4] == (5, 6, 4, 5)
+    assert second[4].tolist() == [[True]]
+    assert _windows([]) == []
 
 
 @pytest.mark.parametrize("kind", ["most-likely", "set-based"])

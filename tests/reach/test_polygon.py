@@ -7,6 +7,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from reach_particles import in_polygon
+from sandra.reach import polygon as module
 from sandra.reach.polygon import (
     EPS,
     MAX_CORNERS,
@@ -21,10 +22,12 @@ from sandra.reach.polygon import (
     half_planes,
     hull,
     intersection,
+    joined,
     limit_corners,
     propagate,
     range_x,
     range_y,
+    swept,
 )
 
 coordinate = st.floats(-50.0, 50.0).map(lambda x: round(x, 3))
@@ -279,6 +282,8 @@ def test_edges_that_cannot_be_extended_are_kept() -> None:
     # turning by so little that the cross product of both is exactly the least that counts
     tiny = _extension((0.0, 0.0), (1e-12, 0.0), (1e-12, 1.0), (0.0, 2.0))
     assert tiny == (np.inf, (1e-12, 0.0))
+    tiny = _extension((0.0, 0.0), (1e-12, 0.0), (1e-12, 1.0), (1e-12, 2.0))
+    assert tiny == (np.inf, (1e-12, 0.0))
     # turning on
     assert _extension(p, q, (2.0, 1.0), (2.0, 2.0)) == (0.5, (2.0, 0.0))
     # turning back: beyond q they do not meet
@@ -356,3 +361,46 @@ def test_contains_up_to_the_tolerance_and_no_further() -> None:
     assert not contains(slope, 2.5, 2.5 + 2.0**-40, 0.5)
     assert contains([(0.0, 0.0)], 1e-6, -1e-6)
     assert not contains([(0.0, 0.0)], 2e-6, 0.0)
+
+
+@given(st.lists(points, min_size=1, max_size=4))
+def test_joined_is_the_hull_of_all_corners(several: list[list[Point]]) -> None:
+    polygons = [hull(some) for some in several]
+    assert joined(polygons) == hull([p for polygon in polygons for p in polygon])
+
+
+def test_corners_as_far_apart_as_rounding_lie_on_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A quarter of a metre here, so that the bound itself is exact in binary."""
+    monkeypatch.setattr(module, "PARALLEL", 0.25)
+    # by just so much the third corner of the right side is farther out than those beside it
+    bulging = [(0.0, 0.0), (1.0, 0.0), (1.25, 0.5), (1.0, 1.0), (0.0, 1.0)]
+    assert swept(bulging, 0.0, 1.0) == [(0.0, 0.0), (1.0, 0.0), (1.0, 2.0), (0.0, 2.0)]
+    for turn in range(5):
+        found = swept(bulging[turn:] + bulging[:turn], 0.0, 1.0)
+        assert sorted(found) == [(0.0, 0.0), (0.0, 2.0), (1.0, 0.0), (1.0, 2.0)]
+    farther = [(0.0, 0.0), (1.0, 0.0), (1.5, 0.5), (1.0, 1.0), (0.0, 1.0)]
+    assert len(swept(farther, 0.0, 1.0)) == 6
+    # of what is no wider than that on both sides all corners count
+    narrow = [(0.0, 0.0), (0.25, -0.1), (0.5, 0.0), (0.25, 1.0)]
+    sides = [(0.5, 0.0), (0.5, 1.0), (0.25, 2.0), (0.0, 1.0)]
+    assert swept(narrow, 0.0, 1.0) == [*narrow[:2], *sides]
+
+
+def test_of_edges_that_add_the_same_area_the_first_goes(monkeypatch: pytest.MonkeyPatch) -> None:
+    cut_off = [(1.0, 0.0), (2.0, 0.0), (3.0, 1.0), (3.0, 2.0)]
+    cut_off += [(2.0, 3.0), (1.0, 3.0), (0.0, 2.0), (0.0, 1.0)]
+    monkeypatch.setattr(module, "MAX_CORNERS", 7)
+    assert limit_corners(cut_off) == [(1.5, -0.5), *cut_off[2:]]
+    # from the last corner to the first
+    rest = [(3.0, 1.0), (3.0, 2.0), (1.5, 3.5), (0.0, 2.0), (0.0, 1.0)]
+    monkeypatch.setattr(module, "MAX_CORNERS", 6)
+    assert limit_corners([(2.0, 0.0), *rest, (1.0, 0.0)]) == [(1.5, -0.5), *rest]
+
+
+def test_a_new_corner_is_within_the_range_of_its_edge() -> None:
+    """At its very ends, where the edge beside it is upright; and not beyond."""
+    upright = [(0.0, 0.0), (2.0, 0.0), (3.0, 1.0), (3.0, 2.0)]
+    assert _extension(*upright) == (0.5, (3.0, 0.0))
+    assert _extension(*((3.0 - x, y) for x, y in upright[::-1])) == (0.5, (0.0, 0.0))
+    leaning = [(0.0, 0.0), (2.0, 0.0), (3.0, 1.0), (2.5, 2.0)]
+    assert _extension(*leaning)[0] == np.inf

@@ -11,8 +11,9 @@ from sandra.errors import FormulaError
 from sandra.logic import Atom, Predicate, parse
 from sandra.logic.formula import Not
 from sandra.reach import Ground, ground
-from sandra.reach.answers import PIECE_MERGE, not_touching, sure_band, touching
+from sandra.reach.answers import PIECE_MERGE, Body, not_touching, sure_band, touching
 from sandra.reach.bands import Leader, Stretch
+from sandra.reach.lattice import Lattice
 from sandra.reach.polygon import Polygon
 from sandra.reach.problem import Answer, Region
 from sandra.reach.regions import answers_of, body_of
@@ -428,6 +429,19 @@ def test_half_extent_in_a_bend() -> None:
         assert body_of(base).half_extent(1, [(s, 10.0)], [(d, 1.0)]) == pytest.approx(
             expected, rel=1e-3
         )
+
+
+def test_half_extent_takes_the_sharpest_bend_of_all_columns_touched() -> None:
+    """Before the lattice begins that of its first column, beyond its end none."""
+    body = Body(4.0, 2.0, 5.0, 0.0, (0.25, 0.5, 0.125), Lattice(10.0, -2.0, 1.0, 0.5, 3, 8))
+
+    def bends(low: float, high: float) -> float:
+        return (body.half_extent(0, [(low, 5.0), (high, 5.0)], [(0.0, 0.0)]) - 1.0) / 2.0
+
+    for low, high, bend in ((10.25, 10.5, 0.25), (10.5, 11.5, 0.5), (12.5, 14.0, 0.125)):
+        assert bends(low, high) == bend
+    assert bends(8.0, 9.0) == 0.25
+    assert bends(14.0, 15.0) == 0.0
 
 
 def test_in_a_lane_and_not_in_it_on_a_straight_road() -> None:

@@ -85,6 +85,15 @@ def test_corridor_keeps_the_right_parents() -> None:
     assert [b.parents for b in corridor.steps[2]] == [(2, 1), (2, 0)]
 
 
+def test_corridor_of_a_set_that_becomes_empty() -> None:
+    """It tells as well what was within reach when the set became empty."""
+    contested = np.ones((2, 3), dtype=bool)
+    found = ReachableSet(((base_set(0.0, 1.0, -1.0, 1.0),),), 2, LATTICE, contested).corridor()
+    assert (found.steps, found.horizon, found.first_empty_step) == ((), 2, 0)
+    assert found.lattice is LATTICE
+    assert found.contested is contested
+
+
 def test_parents_lead_to_their_children() -> None:
     """From each parent its child is reached: their boxes, moved and widened, meet."""
     whole = reach("keep,follow-lane")

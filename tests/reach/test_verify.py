@@ -307,6 +307,8 @@ def test_everything_that_is_given_counts(tmp_path: Path) -> None:
     assert found.rules == ("R_SLOW",)
     assert [v.pair for v in found] == [ActionPair.parse("keep,follow-lane"), ALL_PAIRS[1]]
     assert "R_SLOW" in str(found[0].reason)
+    alone = verify_pair(found.ground, ALL_PAIRS[1], ("R_SLOW",), Vocabulary.load(words))
+    assert alone.reason == found[1].reason
     assert found[0].duration_s > 0.0
     plain = verify(scene, "keep,follow-lane", rules=["G(v <= 9)"], horizon=2, reasons=False)
     assert (plain[0].status, plain[0].reason) == (Status.UNSAFE, None)

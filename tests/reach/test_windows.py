@@ -7,7 +7,7 @@ from reach_scenes import Course
 from sandra.prediction import PredictedObstacle, Prediction
 from sandra.reach.cells import grid
 from sandra.reach.lattice import Lattice
-from sandra.reach.windows import union, windows
+from sandra.reach.windows import Lines, _intervals, union, windows
 from sandra.scene.convex import distance, hull
 from sandra.scene.types import Region
 
@@ -95,6 +95,16 @@ def test_a_cell_as_far_away_as_allowed_is_forbidden(
         assert not forbids(region, (at[0], at[1]), -radius - 1.0)
 
 
+def test_a_column_beside_a_region_just_within_reach_is_forbidden() -> None:
+    """Its lines are parallel to a side, and meet the border of what is within reach all along."""
+    car = Course().car(2, 20.0, 0.0)
+    predicted = PredictedObstacle(car, ((Region(SQUARE),),), (), np.full((1, 5), np.nan))
+    for away, expected in ((0.5, [[0, 4]]), (0.5 + 2.0**-40, [])):
+        corners = np.tile(np.column_stack([np.arange(5.0), np.full(5, -away)]), (2, 1, 1))
+        ((found,),) = windows(Prediction("made up", 0.1, 0, (predicted,)), corners, np.array([0.5]))
+        assert [[j0, j1] for *_, j0, j1, cells in found if cells.all()] == expected
+
+
 @pytest.mark.parametrize("outwards", [(-1, 0), (1, 0), (0, -1), (0, 1)])
 def test_discs_and_capsules_reach_as_far_in_every_direction(outwards: tuple[int, int]) -> None:
     disc = Region(np.array([[1.0, 2.0]]), 0.25)
@@ -116,6 +126,10 @@ def test_a_needle_counts_as_its_longest_side() -> None:
         assert forbids(region, (4.5, 0.0), 0.5)
         assert not forbids(region, (3.0, -0.75), 0.5)
         assert not forbids(region, (4.75, 0.0), 0.5)
+    # along it, with no reach at all
+    for line in (needle, Region(needle.vertices[::2].copy())):
+        assert forbids(line, (0.0, 0.0), 0.0)
+        assert not forbids(line, (0.0, 0.0), -0.25)
     assert forbids(needle, (3.0, 0.5), 0.5)
     assert not forbids(needle, (3.0, 0.75), 0.5)
 
@@ -147,3 +161,62 @@ def test_cells_need_all_their_corners_within_reach() -> None:
     expected[4:7, 0] = False
     expected[9, 1] = True
     assert (whole == expected).all()
+
+
+def across(reach: np.ndarray) -> Lines:
+    """A line along y every metre, with three corners each, from y = 0 to 2 m."""
+    x, y = np.arange(len(reach) + 1.0), np.arange(3.0)
+    return Lines.of(np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1), reach)
+
+
+@pytest.mark.parametrize(
+    ("place", "outwards", "blocks"),
+    [
+        ((-1.0, 1.0), (-1, 0), [0]),
+        ((2.0, -1.0), (0, -1), [0]),
+        ((16.5, 3.0), (0, 1), [2]),
+        ((18.0, 1.0), (1, 0), [2]),
+        ((8.0, 1.0), (1, 0), [0, 1]),
+    ],
+)
+def test_blocks_of_lines_are_near_up_to_the_reach(
+    place: tuple[float, float], outwards: tuple[int, int], blocks: list[int]
+) -> None:
+    """18 lines are two blocks and a quarter; a disc of half a metre, and half a metre of reach."""
+    lines = across(np.full(17, 0.5))
+    disc, line = lines.near(np.array([place]), np.array([0.5]))
+    assert not disc.any()
+    assert line.tolist() == [i for i in range(18) if i // 8 in blocks]
+    beyond = np.array([place]) + np.array(outwards) * 2.0**-40
+    _, line = lines.near(beyond, np.array([0.5]))
+    assert line.tolist() == [i for i in range(18) if i // 8 in blocks[1:]]
+
+
+def test_regions_that_turn_both_ways_are_measured_together() -> None:
+    """Above and below a row of cells; each turns the other way."""
+    lower = np.array([[-1.0, -2.0], [5.0, -2.0], [5.0, 0.25], [-1.0, 0.25]])
+    upper = lower * (1.0, -1.0) + (0.0, 8.0)
+    car = Course().car(2, 20.0, 0.0)
+    corners = np.stack(np.meshgrid(np.arange(4.0), np.arange(9.0), indexing="ij"), axis=-1)
+    for first, second in ((lower, upper), (lower[::-1], upper), (lower, upper[::-1])):
+        several = [Region(outline.copy()) for outline in (first, second, first)]
+        predicted = PredictedObstacle(car, (tuple(several),), (), np.full((1, 5), np.nan))
+        (found,) = windows(Prediction("made up", 0.1, 0, (predicted,)), corners, np.full(3, 1.0))
+        (mask,) = union(np.zeros((3, 8), dtype=bool), [found], 0)
+        # as far as 1.25 m, and from 6.75 m on
+        assert (mask == [True, False, False, False, False, False, False, True]).all()
+
+
+def test_an_edge_counts_to_its_very_end() -> None:
+    """There it meets the arc about its corner, which rounding makes a little smaller here."""
+    reach, length = 0.894287109375, 7.0
+    lowest = length * (reach / length)
+    assert reach**2 - lowest**2 < 0.0
+    edge = np.array([[0.0, lowest], [length, lowest + 1e-8], [3.0, 9.0]])
+    lines = Lines(np.zeros((1, 2)), np.array([[1.0, 0.0]]), np.ones(1), np.zeros(1), 4)
+    for corners in (edge, edge * (-1.0, 1.0), edge[::-1], edge[::-1] * (-1.0, 1.0)):
+        ((low,), (high,)) = _intervals(
+            corners.T[:, :, None], np.array([reach]), lines, np.zeros(1, dtype=int)
+        )
+        assert low == high
+        assert abs(low) < 1e-6

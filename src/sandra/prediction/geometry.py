@@ -96,9 +96,8 @@ def clip(batch: Array, normal: Array, offset: Array) -> tuple[Array, Mask]:
     both = np.empty((*p.shape, 2), dtype=np.complex128)
     both[..., 0] = p
     both[crossing, 1] = p[crossing] + share * (q[crossing] - p[crossing])
-    # Of repeated vertices one is enough.
+    # Of repeated vertices one is enough; two crossings are left in any case.
     keep = np.stack([i & (p != q), crossing], axis=2)
-    keep[:, 0, 0] |= ~keep.any(axis=(1, 2))
     clipped = _compact(both.reshape(len(p), -1), keep.reshape(len(p), -1))
     width = max(clipped.shape[1], batch.shape[1])
     out = np.empty((len(batch), width), dtype=np.complex128)

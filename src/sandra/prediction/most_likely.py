@@ -244,7 +244,8 @@ def _path(lane_map: LaneMap, place: Place, start: Array, heading: float, length:
                 points.append(point)
                 way += size
                 along = step / size
-                if way - size > length:  # the edge that the last place turns towards is there
+                # Enough if the edge that the last place turns towards is there.
+                if way - size > length:
                     break
         onward = [i for i in strip.successors if i not in seen]
         if not onward:

@@ -161,14 +161,17 @@ def _alike(bounds: Array) -> NDArray[np.bool_]:
 def _within_reach(
     low: Array, high: Array, frame: Frame, lattice: Lattice, radius: float
 ) -> tuple[Array, Array]:
-    """Lowest and highest d over all columns that a body in each column can reach."""
+    """Lowest and highest d over all columns that a body in each column can reach.
+
+    `low` and `high` go beyond the lattice by as many columns as it can reach at most.
+    """
     bend = float(np.abs(frame.curvature(lattice.corners()[0])).max())
     # On the inside of a bend a metre of body spans more than a metre of the reference line.
     shrunk = 1.0 - bend * np.nan_to_num(np.maximum(np.abs(low), np.abs(high)))
     reach = np.ceil(radius / np.maximum(shrunk, NARROWEST) / lattice.ds).astype(int)
     down, up = np.nan_to_num(low, nan=inf), np.nan_to_num(high, nan=-inf)
     lowest, highest = down.copy(), up.copy()
-    for away in range(1, min(int(reach.max()), len(low) - 1) + 1):
+    for away in range(1, int(reach.max()) + 1):
         far = reach >= away
         lower, higher = np.where(far, down, inf), np.where(far, up, -inf)
         for here, there in ((slice(away, None), slice(-away)), (slice(-away), slice(away, None))):
