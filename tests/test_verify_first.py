@@ -24,7 +24,7 @@ ONE_LANE = ROAD.scene(ROAD.obstacle(7, 60.0, 0.0, 8.0))
 """Quickly verified: of the four pairs three hold."""
 SHORT = {"horizon": 6, "mode": "verify-first"}
 HOLD = {(lon, "follow-lane") for lon in ("keep", "accelerate", "decelerate")}
-BUSY = 0.6
+BUSY = 1.5
 """What a busy machine may take in addition [s]: connections, threads, the choice at the end."""
 
 
@@ -92,19 +92,8 @@ def slow_prediction(seconds: float) -> PredictionSource:
     return source
 
 
-@pytest.fixture(scope="module")
-def verification() -> float:
-    """How long verification alone takes: all pairs, all certificates [s]."""
-    sandra.decide(ONE_LANE, "rules", **SHORT)
-    begin = time.monotonic()
-    sandra.decide(ONE_LANE, "rules", **SHORT)
-    return time.monotonic() - begin
-
-
-@pytest.mark.parametrize(("reason", "verify"), [(2.5, 1.0), (1.0, 2.5)])
-def test_the_slower_of_answer_and_verification_is_waited_for(
-    reason: float, verify: float, verification: float
-) -> None:
+@pytest.mark.parametrize(("reason", "verify"), [(6.0, 5.0), (5.0, 6.0)])
+def test_the_slower_of_answer_and_verification_is_waited_for(reason: float, verify: float) -> None:
     pace = Pace(read=0.1, reason=reason, rank=0.3)
     with slow_server(pace) as server:
         decision, took = decide(server, scene=ONE_LANE, prediction=slow_prediction(verify))
@@ -112,8 +101,8 @@ def test_the_slower_of_answer_and_verification_is_waited_for(
     assert names(decision.ranking.pairs) == HOLD == second.admitted
     answer = pace.read * first.read / 1000 + pace.reason + pace.rank
     slower = max(answer, verify + pace.rank)  # The ranking can only be written after both.
-    assert slower < took < slower + verification + BUSY
-    assert took < answer + verify  # One after the other.
+    # One after the other would take all of the quicker one more; a busy machine takes some of it.
+    assert slower < took < slower + min(answer, verify) / 2
     assert decision.durations_s["rank"] == pytest.approx(answer, abs=BUSY)
 
 
@@ -141,9 +130,9 @@ def test_a_server_without_structured_outputs_is_asked_again_only_if_it_must() ->
     assert any("keep,left-lane is not feasible here" in w for w in decision.ranking.warnings)
 
 
-@pytest.mark.parametrize(("reason", "verify"), [(2.5, 1.0), (1.0, 2.5)])
+@pytest.mark.parametrize(("reason", "verify"), [(6.0, 5.0), (5.0, 6.0)])
 def test_a_ranking_written_at_once_is_there_after_the_slower_of_the_two(
-    reason: float, verify: float, verification: float
+    reason: float, verify: float
 ) -> None:
     """Such a server writes the ranking unasked; where all of it holds, nothing is asked again."""
     pace = Pace(reason=reason, rank=0.3, structured=False, preference=sorted(HOLD))
@@ -152,8 +141,7 @@ def test_a_ranking_written_at_once_is_there_after_the_slower_of_the_two(
     assert len(server.requests) == 1
     assert names(decision.ranking.pairs) == HOLD
     slower = max(pace.reason + pace.rank, verify)
-    assert slower < took < slower + verification + BUSY
-    assert took < pace.reason + pace.rank + verify  # One after the other.
+    assert slower < took < slower + min(reason, verify) / 2
 
 
 def test_if_nothing_holds_no_ranking_is_asked_for_and_the_fail_safe_is_driven() -> None:

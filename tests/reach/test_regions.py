@@ -16,7 +16,9 @@ from sandra.reach.bands import Leader, Stretch
 from sandra.reach.lattice import Lattice
 from sandra.reach.polygon import Polygon
 from sandra.reach.problem import Answer, Region
-from sandra.reach.regions import answers_of, body_of
+from sandra.reach.regions import answers_of, body_of, inner_reach
+from sandra.scene.frame import Frame
+from sandra.scene.types import Lane, State
 from sandra.settings import Settings
 
 TOLERANCE = 1e-9
@@ -468,3 +470,21 @@ def test_in_a_lane_and_not_in_it_on_a_straight_road() -> None:
     assert not admitted(1, False, 1.75 - 0.9 + 0.05)
     assert admitted(1, False, 5.25 + 0.9 + 0.02)
     assert not admitted(1, False, 5.25 + 0.9 - 0.05)
+
+
+@pytest.mark.parametrize(("start", "counts"), [(20.0, True), (45.0, True), (55.0, False)])
+def test_at_a_kink_a_metre_of_disc_is_less_than_a_metre_of_d(start: float, counts: bool) -> None:
+    """A line with a point every 10 m turns by 0.6 rad at s = 40 m: along its mitre a unit of d is
+    1 / cos(0.3) m long, and normals lean towards it up to the next point. 20 steps from 10 m/s
+    reach 32 m ahead, and a metre and a half behind."""
+    along = np.arange(-40.0, 101.0, 10.0)
+    ahead = np.maximum(along, 0.0)
+    line = np.column_stack([np.minimum(along, 0.0) + ahead * np.cos(0.6), ahead * np.sin(0.6)])
+    frame = Frame(line)
+    left, right = line + 1.75 * frame.normals, line - 1.75 * frame.normals
+    scene = Course().scene([Lane("current", (100,), left, right, line, (None,), frame)])
+    x, y = frame.to_cartesian(np.array([(start, 0.0)]))[0].tolist()
+    heading = 0.6 if start > 40.0 else 0.0
+    scene = replace(scene, ego=replace(scene.ego, state=State(x, y, heading, 10.0)))
+    base = ground(scene, prediction(scene, 20), Settings(horizon=20))
+    assert inner_reach(base) == pytest.approx(0.9 * (np.cos(0.3) if counts else 1.0))

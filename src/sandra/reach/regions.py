@@ -89,8 +89,22 @@ def _lanelet_band(ground: Ground, atom: Predicate) -> Band:
 
 def _in_lane(ground: Ground, bands: tuple[Band, ...]) -> Answer:
     # Outside of all lanes at once: an intersection over the lanes.
-    inner = ground.scene.ego.width / 2
+    inner = inner_reach(ground)
     return Touching(bands, body_of(ground), tuple(not_touching(lane, inner) for lane in bands))
+
+
+def inner_reach(ground: Ground) -> float:
+    """By how much d may change so that the point is still in the disc inscribed in the body [m].
+
+    At a kink of the reference line d is measured along the mitre, where a unit of d is longer
+    than one metre.
+    """
+    frame, lattice = ground.scene.frame, ground.lattice
+    s = lattice.s0, lattice.s0 + lattice.ds * lattice.columns
+    first, last = np.searchsorted(frame.stations, s).tolist()
+    mitres = frame.normals[max(first - 1, 0) : last + 1]
+    longest = float(np.hypot(mitres[:, 0], mitres[:, 1]).max(initial=1.0))
+    return ground.scene.ego.width / 2 / longest
 
 
 def body_of(ground: Ground) -> Body:
@@ -129,7 +143,7 @@ def _safe_distance(ground: Ground) -> Answer:
         for steps in ground.leaders
     )
     bands = tuple(lane for _, lane in ground.bands)
-    return SafeDistance(bands, tables, ground.scene.ego.width / 2)
+    return SafeDistance(bands, tables, inner_reach(ground))
 
 
 def _lane_speed_limit(ground: Ground) -> Answer:
