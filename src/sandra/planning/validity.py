@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sandra.planning.bounds import clear
+from sandra.planning.bounds import within as is_within
 from sandra.planning.limits import slip
 from sandra.planning.prepared import Prepared
 from sandra.planning.single_track import HEADING, SPEED, STEERING
@@ -188,11 +189,7 @@ class Occupied:
             reach = (self.reach[part] + wide.max(initial=0.0))[:, None]
             low = here.reshape(-1, 2).min(axis=0, initial=np.inf)
             high = here.reshape(-1, 2).max(axis=0, initial=-np.inf)
-            part = part[
-                ((self.middle[part] >= low - reach) & (self.middle[part] <= high + reach)).all(
-                    axis=1
-                )
-            ]
+            part = part[is_within(self.middle[part], low, high, reach).all(axis=1)]
             x, y = (here[..., None, i] - self.middle[part, i] for i in (0, 1))
             close = x**2 + y**2 < (wide[..., None] + self.reach[part]) ** 2
             row, step, region = np.nonzero(close)
