@@ -29,6 +29,8 @@ def native(monkeypatch: pytest.MonkeyPatch) -> None:
 def assert_same(found: ReachableSet, expected: ReachableSet) -> None:
     assert found.first_empty_step == expected.first_empty_step
     assert tuple(found.steps) == expected.steps
+    assert found.steps == expected.steps
+    assert found.steps != (*expected.steps, ())
     assert found.steps.sizes == tuple(len(step) for step in expected.steps)
     assert (found.contested is None) == (expected.contested is None)
     if found.contested is not None:

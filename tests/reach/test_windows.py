@@ -95,6 +95,16 @@ def test_a_cell_as_far_away_as_allowed_is_forbidden(
         assert not forbids(region, (at[0], at[1]), -radius - 1.0)
 
 
+@pytest.mark.parametrize(("point", "outwards"), SIDES)
+def test_short_sides_reach_as_far_as_long_ones(
+    point: tuple[float, float], outwards: tuple[int, int]
+) -> None:
+    """A quarter and an eighth of a metre: between the arcs about its corners a side moves out too."""
+    for away, there in ((0.5, True), (0.5 + 2.0**-40, False)):
+        at = np.array(point) / 16 + np.array(outwards) * away
+        assert forbids(Region(SQUARE / 16), (at[0], at[1]), 0.5) == there
+
+
 def test_a_column_beside_a_region_just_within_reach_is_forbidden() -> None:
     """Its lines are parallel to a side, and meet the border of what is within reach all along."""
     car = Course().car(2, 20.0, 0.0)
