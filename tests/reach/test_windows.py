@@ -99,7 +99,7 @@ def test_a_cell_as_far_away_as_allowed_is_forbidden(
 def test_short_sides_reach_as_far_as_long_ones(
     point: tuple[float, float], outwards: tuple[int, int]
 ) -> None:
-    """A quarter and an eighth of a metre: between the arcs about its corners a side moves out too."""
+    """A quarter and an eighth of a metre: between the arcs about its corners a side moves out."""
     for away, there in ((0.5, True), (0.5 + 2.0**-40, False)):
         at = np.array(point) / 16 + np.array(outwards) * away
         assert forbids(Region(SQUARE / 16), (at[0], at[1]), 0.5) == there
