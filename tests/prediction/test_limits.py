@@ -264,7 +264,7 @@ def test_nothing_is_computed_beyond_the_horizon() -> None:
     """Of a vehicle that is first seen at step 4 of 10: six steps, seven times."""
     now = scene(ROAD, (car(1, 0, 1.75, states=recording(15, first=4)),))
     likely, _ = trajectories(now, 10, use_recordings=True)
-    plan = _plan(now, likely[0], build_map(ROAD, 20.0), 10, Settings(), np.inf, (0.0, 0.0))
+    plan = _plan(now, likely[0], build_map(ROAD, 20.0), 10, Settings())
     assert plan is not None
     rows = np.isfinite(plan.vehicle.offsets)
     assert rows.all(axis=1).tolist() == [True] * 7 + [False] * 4 + [True] * 6 + [False] * 4

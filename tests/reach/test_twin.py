@@ -16,6 +16,7 @@ from sandra.errors import SettingsError
 from sandra.prediction import predict
 from sandra.reach import ReachableSet, ground, kernel, reachable_set, twin, verify_on
 from sandra.reach.moves import Move
+from sandra.reach.problem import alike
 from sandra.settings import Settings
 
 needs_native = pytest.mark.skipif(twin.native is None, reason="the native kernel was not built")
@@ -83,11 +84,11 @@ def test_what_is_not_alike_is_not_shared() -> None:
         replace(own, moves=replace(own.moves, initial=own.moves.initial + 1)),
         replace(own, moves=replace(own.moves, moves=((Move(0, (), (-0.5, 0.25)),),))),
     ]
-    assert kernel.alike([own, *changed]) == [[i] for i in range(len(changed) + 1)]
+    assert alike([own, *changed]) == [[i] for i in range(len(changed) + 1)]
     with_literal = replace(own, moves=replace(own.moves, moves=((Move(0, ((0, True),), (0, 1)),),)))
     elsewhere = replace(with_literal, answers=tuple(lambda *_: () for _ in own.answers))
     ending = replace(with_literal, moves=replace(with_literal.moves, final=((),)))
-    assert kernel.alike([with_literal, elsewhere, ending]) == [[0, 2], [1]]
+    assert alike([with_literal, elsewhere, ending]) == [[0, 2], [1]]
 
 
 def _scenes(seeds: range, monkeypatch: pytest.MonkeyPatch) -> int:

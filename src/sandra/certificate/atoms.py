@@ -15,7 +15,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from sandra.certificate.geometry import Reference, Shapes, bodies, convex, outlines
+from sandra.certificate.geometry import Reference, Shapes, bodies, by_id, convex
 from sandra.certificate.literals import Decided
 from sandra.certificate.timing import steps_per_dt
 from sandra.certificate.types import RELATIONS, Certificate, Participant
@@ -55,7 +55,7 @@ class Trace:
             states,
             bodies(states, c.ego),
             Reference.of(c.reference),
-            dict(zip((x.id for x in c.lanelets), outlines(c.lanelets), strict=True)),
+            by_id(c.lanelets),
         )
 
     def lanes(self, relation: str) -> list[Any]:

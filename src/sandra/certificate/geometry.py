@@ -119,6 +119,11 @@ def outlines(lanelets: Sequence[Pavement]) -> Shapes:
     return np.asarray(areas)
 
 
+def by_id(lanelets: Sequence[Pavement]) -> dict[int, Any]:
+    """The outline of each lanelet by its id."""
+    return dict(zip((x.id for x in lanelets), outlines(lanelets), strict=True))
+
+
 def pavement(lanelets: Sequence[Pavement]) -> Any:
     """The union of lanelets, slits between neighbours closed; outer borders stay in place."""
     union = shapely.union_all(outlines(lanelets))

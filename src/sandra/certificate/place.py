@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import shapely
 
-from sandra.certificate.geometry import bodies, outline, outlines, pavement, sweep
+from sandra.certificate.geometry import bodies, by_id, outline, pavement, sweep
 from sandra.certificate.motion import trajectories
 from sandra.certificate.report import Checked, Violation
 from sandra.certificate.types import Certificate
@@ -70,7 +70,7 @@ def standstill(c: Certificate) -> Checked | Violation:
 def conflict_area(c: Certificate) -> Checked | Violation:
     """Where the fail-safe stands, no lane crosses or leads into the ego's route."""
     body = bodies(c.fail_safe.states[-1:], c.ego)[0]
-    areas = dict(zip((x.id for x in c.lanelets), outlines(c.lanelets), strict=True))
+    areas = by_id(c.lanelets)
     own = shapely.union_all(
         [areas[i] for lane in c.lanes if lane.relation in OWN for i in lane.lanelets]
     )

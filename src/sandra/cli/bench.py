@@ -50,8 +50,7 @@ def _decide(arguments: argparse.Namespace) -> int:
     from sandra.logic import parse_rules
     from sandra.scene import load
 
-    if arguments.runs < 1:
-        raise SettingsError(f"--runs {arguments.runs}: at least one run is needed")
+    _check_runs(arguments.runs)
     settings = settings_of(arguments)
     found = []
     for name in arguments.scenarios:
@@ -72,6 +71,11 @@ def _decide(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print_json({"decisions": [times.to_dict() for times in found]})
     return 0
+
+
+def _check_runs(runs: int) -> None:
+    if runs < 1:
+        raise SettingsError(f"--runs {runs}: at least one run is needed")
 
 
 def _add_reach(actions: Any) -> None:
@@ -115,8 +119,7 @@ def _reach(arguments: argparse.Namespace) -> int:
     from sandra.evaluation.reach_bench import bench_reach
     from sandra.scenarios import examples
 
-    if arguments.runs < 1:
-        raise SettingsError(f"--runs {arguments.runs}: at least one run is needed")
+    _check_runs(arguments.runs)
     if not arguments.tolerance >= 1.0:
         raise SettingsError(f"--tolerance {arguments.tolerance}: a factor is at least 1")
     report = bench_reach(
@@ -170,8 +173,7 @@ def _growth(arguments: argparse.Namespace) -> int:
     axes = [axis.strip() for axis in arguments.axes.split(",")]
     if not set(axes) <= set(AXES):
         raise SettingsError(f"--axes {arguments.axes}: choose from {','.join(AXES)}")
-    if arguments.runs < 1:
-        raise SettingsError(f"--runs {arguments.runs}: at least one run is needed")
+    _check_runs(arguments.runs)
     growth = measure_growth(axes, runs=arguments.runs, progress=progress)
     progress("")
     if arguments.figure:

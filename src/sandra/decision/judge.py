@@ -11,7 +11,7 @@ from sandra.certify import Basis, Proven, certify
 from sandra.logic import Vocabulary
 from sandra.planning import Maneuver, Weights, full_braking, in_corridor
 from sandra.planning.fail_safe_search import FailSafe
-from sandra.reach import Ground, Status, Verdict, verify_on
+from sandra.reach import Ground, Status, Verdict, explained, verify_on
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,6 +46,10 @@ class Judge:
             self.ground, pairs, self.rules, vocabulary=self.vocabulary, reasons=reasons
         )
         return found.verdicts
+
+    def explain(self, verdict: Verdict) -> Verdict:
+        """The verdict with what emptied its set, if it is UNSAFE."""
+        return explained(self.ground, verdict)
 
     def certify(self, verdict: Verdict) -> Verdict:
         """CERTIFIED if a certificate is asked for and found, else the verdict as it is."""

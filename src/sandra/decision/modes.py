@@ -83,7 +83,7 @@ def verify_first(
         waiting = Meanwhile(lambda: known or ahead.finish(prompt), ranker.name)
         # Why the others do not hold decides nothing: it is found out while the ranking is written.
         with clock.stage("verify"):
-            verdicts = _explained(judge, verdicts)
+            verdicts = tuple(judge.explain(v) for v in verdicts)
         ranking = waiting.result()
         clock.durations["rank"] = ahead.duration
     finally:
@@ -99,13 +99,6 @@ def _needs_no_question(hold: Sequence[ActionPair], name: str, enough: Status) ->
         why = f"only {hold[0]} is {enough.value}: no ranking was waited for"
         return Ranking(tuple(hold), name, warnings=(why,))
     return None
-
-
-def _explained(judge: Judge, verdicts: Sequence[Verdict]) -> tuple[Verdict, ...]:
-    """The same verdicts; those that are UNSAFE with what emptied their sets."""
-    unsafe = [v.pair for v in verdicts if v.first_empty_step is not None]
-    told = {v.pair: v for v in judge.verify(unsafe)}
-    return tuple(told.get(v.pair, v) for v in verdicts)
 
 
 def _in_order(verdicts: Sequence[Verdict], ranked: Sequence[ActionPair]) -> tuple[Verdict, ...]:

@@ -244,20 +244,11 @@ def _separation(hulls: Array, polygons: Array) -> Array:
     )
     size = np.sqrt(axes[..., 0] ** 2 + axes[..., 1] ** 2)
     axes = axes / np.maximum(size, SHORTEST_AXIS)[..., None]
-    ours = _range(axes @ np.swapaxes(hulls, 1, 2))
-    theirs = _range(axes @ np.swapaxes(polygons, 1, 2))
+    ours = extent(axes @ np.swapaxes(hulls, 1, 2), axis=2)
+    theirs = extent(axes @ np.swapaxes(polygons, 1, 2), axis=2)
     gap = np.maximum(theirs[0] - ours[1], ours[0] - theirs[1])
     # Without length it is no direction, and separates nothing.
     return np.asarray(np.where(size > SHORTEST_AXIS, gap, -np.inf).max(axis=1))
-
-
-def _range(values: Array) -> tuple[Array, Array]:
-    """Smallest and largest of the last axis, one after another: it is short."""
-    low, high = values[..., 0].copy(), values[..., 0].copy()
-    for i in range(1, values.shape[-1]):
-        np.minimum(low, values[..., i], out=low)
-        np.maximum(high, values[..., i], out=high)
-    return low, high
 
 
 def _nearest(rectangles: Array, points: Array) -> Array:

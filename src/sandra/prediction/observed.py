@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from sandra.errors import SettingsError
 from sandra.prediction.lanes import LaneMap, Place
 from sandra.prediction.motion import Bounds
-from sandra.scene.types import Obstacle, Scene, State
+from sandra.scene.types import Lane, Obstacle, Scene, State
 from sandra.settings import Assumptions, Settings
 
 Array = NDArray[np.float64]
@@ -136,9 +136,14 @@ def safe_distance(v_ego: float, v_other: float, settings: Settings) -> float:
     return max(0.0, braking + v_ego * settings.t_d)
 
 
+def ego_lane(scene: Scene) -> Lane | None:
+    """The lane that the ego follows, None where it has none."""
+    return next((lane for lane in scene.lanes if lane.relation == "current"), None)
+
+
 def along_lane(scene: Scene, places: Array) -> Array:
     """(n,) s along the ego's lane of places (n, 2) [m]; NaN where the ego has no lane."""
-    lane = next((lane for lane in scene.lanes if lane.relation == "current"), None)
+    lane = ego_lane(scene)
     if lane is None:
         return np.full(len(places), np.nan)
     return lane.frame.to_curvilinear(places)[:, 0]
@@ -165,7 +170,7 @@ def towards_ego(
     A body that is in the ego's lane already cuts in whatever the law says: dropped for it.
     """
     a = settings.assumptions
-    lane = next((lane for lane in scene.lanes if lane.relation == "current"), None)
+    lane = ego_lane(scene)
     if lane is None or not seen.places or not (a.no_rear_end or a.legal_cut_in):
         return NOTHING
     ego = scene.ego

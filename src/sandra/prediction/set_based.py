@@ -46,6 +46,7 @@ from sandra.prediction.observed import (
     NOTHING,
     along_lane,
     check_assumptions,
+    ego_lane,
     is_fixed,
     motion_bounds,
     observe,
@@ -99,7 +100,7 @@ def predict_sets(
         _plan(scene, each, lane_map, horizon, settings, near, (s_ego, s_other))
         for each, s_other in zip(likely, s, strict=True)
     ]
-    lane = next((lane for lane in scene.lanes if lane.relation == "current"), None)
+    lane = ego_lane(scene)
     scope = Scope(
         scene.dt,
         frozenset(lane.lanelets) if lane is not None else frozenset(),

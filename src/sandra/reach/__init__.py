@@ -7,7 +7,7 @@ from sandra.reach.problem import Piece, Problem
 from sandra.reach.sets import BaseSet, ReachableSet
 from sandra.reach.twin import reachable_set
 from sandra.reach.verdict import Proof, Status, Verdict, Verdicts
-from sandra.reach.verify import compute, verify, verify_on, verify_pair
+from sandra.reach.verify import compute, explained, verify, verify_on, verify_pair
 
 __all__ = [
     "BaseSet",
@@ -22,6 +22,7 @@ __all__ = [
     "Verdict",
     "Verdicts",
     "compute",
+    "explained",
     "ground",
     "reachable_set",
     "verify",

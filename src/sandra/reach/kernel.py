@@ -23,7 +23,7 @@ import numpy as np
 from sandra.reach.lattice import Box, Mask, boxes
 from sandra.reach.moves import UNBOUNDED, Interval, Move
 from sandra.reach.polygon import Polygon, cut, cut_x, cut_y, joined, propagate, range_x
-from sandra.reach.problem import Problem, Region, alike
+from sandra.reach.problem import Problem, Region, in_groups
 from sandra.reach.sets import BaseSet, ReachableSet
 
 COVER_TOLERANCE = 2
@@ -48,11 +48,7 @@ def reachable_set(problem: Problem) -> ReachableSet:
 
 def reachable_sets(problems: Sequence[Problem]) -> list[ReachableSet]:
     """The set of each problem; what differs in the last letter alone shares all steps before."""
-    found: dict[int, ReachableSet] = {}
-    for group in alike(problems):
-        sets = _computed([problems[i] for i in group])
-        found.update(zip(group, sets, strict=True))
-    return [found[i] for i in range(len(problems))]
+    return in_groups(problems, _computed)
 
 
 def _computed(problems: list[Problem]) -> list[ReachableSet]:

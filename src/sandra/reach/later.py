@@ -27,3 +27,7 @@ class Later(Sequence[T], Generic[T]):
 
     def __len__(self) -> int:
         return len(self._items)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """To other processes goes what it holds."""
+        return tuple, (tuple(self),)

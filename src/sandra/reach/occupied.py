@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
 from itertools import pairwise
-from typing import Any, overload
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sandra.prediction.types import Prediction
 from sandra.reach import twin
+from sandra.reach.later import Later
 from sandra.reach.lattice import Copied, Lattice, Mask, Masks, packed
 from sandra.reach.windows import Lines, Window, Windows, distinct, union, windows
 
@@ -38,13 +38,14 @@ def united(
     return union(off_road, [w for i, w in enumerate(occupied) if i != without], horizon)
 
 
-class NativeWindows(Sequence[Windows]):
+class NativeWindows(Later[Windows]):
     """The windows of each obstacle, made from what the native kernel found when looked at.
 
     `numbers[i][k]` are the regions of obstacle i at step k.
     """
 
     def __init__(self, runs: Any, numbers: list[list[list[int]]]) -> None:
+        super().__init__(self._made)
         self._runs, self._numbers = runs, numbers
 
     @staticmethod
@@ -73,8 +74,7 @@ class NativeWindows(Sequence[Windows]):
         field = twin.native.united(twin.numbers_of(lattice), road, self._runs, steps)
         return NativeMasks(field, lattice, horizon + 1)
 
-    @cached_property
-    def _items(self) -> tuple[Windows, ...]:
+    def _made(self) -> tuple[Windows, ...]:
         made: dict[int, tuple[Window, ...]] = {}
         for several in self._numbers:
             for numbers in several:
@@ -89,25 +89,15 @@ class NativeWindows(Sequence[Windows]):
     def __len__(self) -> int:
         return len(self._numbers)
 
-    @overload
-    def __getitem__(self, i: int) -> Windows: ...
-    @overload
-    def __getitem__(self, i: slice) -> tuple[Windows, ...]: ...
-    def __getitem__(self, i: int | slice) -> Any:
-        return self._items[i]
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        return tuple, (self._items,)
-
-
-class NativeMasks(Copied, Sequence[Mask]):
+class NativeMasks(Copied, Later[Mask]):
     """One mask per step, held by the native kernel until somebody looks at it."""
 
     def __init__(self, field: Any, lattice: Lattice, count: int) -> None:
+        super().__init__(self._made)
         self._native, self._lattice, self._count = field, lattice, count
 
-    @cached_property
-    def _items(self) -> tuple[Mask, ...]:
+    def _made(self) -> tuple[Mask, ...]:
         masks = [twin.mask_of(self._lattice, self._native.mask(k)) for k in range(self._count)]
         for mask in masks:
             mask.setflags(write=False)
@@ -116,15 +106,8 @@ class NativeMasks(Copied, Sequence[Mask]):
     def __len__(self) -> int:
         return self._count
 
-    @overload
-    def __getitem__(self, k: int) -> Mask: ...
-    @overload
-    def __getitem__(self, k: slice) -> tuple[Mask, ...]: ...
-    def __getitem__(self, k: int | slice) -> Any:
-        return self._items[k]
-
     def __reduce__(self) -> tuple[Any, ...]:
-        return Masks, (self._items,)
+        return Masks, (tuple(self),)
 
 
 def _windows(runs: list[tuple[int, int, int]]) -> list[Window]:

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 from sandra.reach.lattice import Lattice, Mask
 from sandra.reach.moves import Interval, Moves
 from sandra.reach.polygon import Polygon
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +69,16 @@ class Problem:
         bounds = self.dt, self.horizon, self.a_lat, self.v_lon, self.v_lat
         start = tuple(self.lon), tuple(self.lat), self.moves.initial
         return rows, self.moves.live, bounds, start, self.lattice, id(self.forbidden)
+
+
+def in_groups(
+    problems: Sequence[Problem], computed: Callable[[list[Problem]], Sequence[T]]
+) -> list[T]:
+    """What `computed` finds for each problem; it is given those that are alike together."""
+    found: dict[int, T] = {}
+    for group in alike(problems):
+        found.update(zip(group, computed([problems[i] for i in group]), strict=True))
+    return [found[i] for i in range(len(problems))]
 
 
 def alike(problems: Sequence[Problem]) -> list[list[int]]:

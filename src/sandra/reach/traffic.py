@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from sandra.prediction.types import PredictedObstacle, Prediction
 from sandra.scene.frame import Frame
+from sandra.scene.types import placed
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int_]
@@ -84,7 +85,7 @@ def in_traffic(prediction: Prediction) -> Iterator[Traffic]:
             step,
             np.diff(owner, prepend=-1) != 0,
             states,
-            turned(corners, states[:, 2]) + states[:, None, :2],
+            placed(corners, states[:, :3]),
             np.array([outline.radius for outline in outlines])[owner],
         )
 
@@ -97,10 +98,3 @@ def _touch(area: Any, hulls: Any, radius: Array) -> Mask:
     wider = ~found & (radius > 0.0)
     found[wider] = shapely.dwithin(area, hulls[wider], radius[wider])
     return found
-
-
-def turned(corners: Array, heading: Array) -> Array:
-    """Corners (m, n, 2) of bodies about the origin, turned by (m,) headings."""
-    cos, sin = np.cos(heading), np.sin(heading)
-    rotation = np.stack([np.stack([cos, sin], axis=1), np.stack([-sin, cos], axis=1)], axis=1)
-    return np.asarray(corners @ rotation)

@@ -8,11 +8,11 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Callable, Sequence
-from functools import cached_property, partial
+from functools import partial
 from hashlib import sha256
 from importlib import import_module
 from pathlib import Path
-from typing import Any, overload
+from typing import Any
 
 import numpy as np
 
@@ -20,9 +20,10 @@ from sandra.errors import SettingsError
 from sandra.reach import kernel
 from sandra.reach.answers import Fixed, SafeDistance, Touching
 from sandra.reach.bands import Band
+from sandra.reach.later import Later
 from sandra.reach.lattice import Copied, Lattice, Mask, packed
 from sandra.reach.moves import Move, Moves
-from sandra.reach.problem import Answer, Problem, Region, alike
+from sandra.reach.problem import Answer, Problem, Region, in_groups
 from sandra.reach.sets import BaseSet, ReachableSet
 
 VARIABLE = "SANDRA_KERNEL"
@@ -67,11 +68,7 @@ def reachable_sets(problems: Sequence[Problem]) -> list[ReachableSet]:
     """
     if chosen() == "python":
         return kernel.reachable_sets(problems)
-    found: dict[int, ReachableSet] = {}
-    for group in alike(problems):
-        sets = _computed([problems[i] for i in group])
-        found.update(zip(group, sets, strict=True))
-    return [found[i] for i in range(len(problems))]
+    return in_groups(problems, _computed)
 
 
 def chosen() -> str:
@@ -116,18 +113,18 @@ def _computed(problems: list[Problem]) -> list[ReachableSet]:
     return sets
 
 
-class NativeSteps(Sequence[tuple[BaseSet, ...]]):
+class NativeSteps(Later[tuple[BaseSet, ...]]):
     """The base sets of each step, held by the native kernel until somebody looks at them.
 
     `found` are the sets of problems that share all but their last step; `which` is one of them.
     """
 
     def __init__(self, found: Any, which: int) -> None:
+        super().__init__(self._made)
         self._found, self._which = found, which
         self.sizes: tuple[int, ...] = tuple(found.sizes(which))
 
-    @cached_property
-    def _steps(self) -> tuple[tuple[BaseSet, ...], ...]:
+    def _made(self) -> tuple[tuple[BaseSet, ...], ...]:
         return tuple(
             tuple(BaseSet(*each) for each in self._found.step(self._which, k))
             for k in range(len(self.sizes))
@@ -136,20 +133,10 @@ class NativeSteps(Sequence[tuple[BaseSet, ...]]):
     def __len__(self) -> int:
         return len(self.sizes)
 
-    @overload
-    def __getitem__(self, k: int) -> tuple[BaseSet, ...]: ...
-    @overload
-    def __getitem__(self, k: slice) -> tuple[tuple[BaseSet, ...], ...]: ...
-    def __getitem__(self, k: int | slice) -> Any:
-        return self._steps[k]
-
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Sequence) and self._steps == tuple(other)
+        return isinstance(other, Sequence) and tuple(self) == tuple(other)
 
     __hash__ = None  # type: ignore[assignment]  # like a list: looked at, not a key
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return tuple, (self._steps,)
 
 
 def _copied(owner: Any, make: Callable[[Any], Any]) -> Any:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 from sandra.actions import ActionPair, parse_pairs
 from sandra.logic import Specification, Vocabulary, specification
@@ -79,12 +80,18 @@ def verify_on(
     sets = reachable_sets([problem_of(base, spec) for spec in specs])
     duration = (time.perf_counter() - begin) / max(1, len(specs))
     for spec, reachable in zip(specs, sets, strict=True):
-        status, reason = Status.REACHABLE, None
-        if reachable.first_empty_step is not None:
-            status = Status.UNSAFE
-            reason = explain(base, spec, reachable, compute) if reasons else None
-        found.append(Verdict(spec.pair, status, spec, reachable, reason, duration))
+        status = Status.REACHABLE if reachable.first_empty_step is None else Status.UNSAFE
+        verdict = Verdict(spec.pair, status, spec, reachable, None, duration)
+        found.append(explained(base, verdict) if reasons else verdict)
     return Verdicts(tuple(found), base, tuple(rules))
+
+
+def explained(base: Ground, verdict: Verdict) -> Verdict:
+    """The verdict with what emptied its set, if it is UNSAFE."""
+    if verdict.status is not Status.UNSAFE:
+        return verdict
+    reason = explain(base, verdict.specification, verdict.reachable_set, compute)
+    return replace(verdict, reason=reason)
 
 
 def verify_pair(

@@ -52,9 +52,14 @@ class Region:
 
     def vertices_at(self, poses: Array) -> Array:
         """(m, n, 2) the vertices of `placed` for poses (m, 3) x, y, heading."""
-        c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
-        rotation = np.stack([np.stack([c, s], axis=1), np.stack([-s, c], axis=1)], axis=1)
-        return np.asarray(self.vertices @ rotation + poses[:, None, :2])
+        return placed(self.vertices, poses)
+
+
+def placed(vertices: Array, poses: Array) -> Array:
+    """(m, n, 2) vertices (n, 2), or (m, n, 2), about the origin at poses (m, 3) x, y, heading."""
+    c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+    rotation = np.stack([np.stack([c, s], axis=1), np.stack([-s, c], axis=1)], axis=1)
+    return np.asarray(vertices @ rotation + poses[:, None, :2])
 
 
 @dataclass(frozen=True, slots=True)

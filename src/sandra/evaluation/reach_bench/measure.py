@@ -114,7 +114,7 @@ def _row(
         pair=median(run.pair for run in times[1:]),
         every=median(run.every for run in times[1:]),
         areas=_areas(found),
-        sets=sum(len(step) for step in found.steps),
+        sets=sum(found.sizes),
     )
     peers = None
     if peer is not None:
