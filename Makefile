@@ -86,7 +86,7 @@ example-planner: .venv/.installed .venv-planner/.installed  ## a published plann
 	@touch $@
 
 lock:  ## resolve requirements.lock anew (needs uv)
-	uv pip compile --quiet --universal --python-version 3.11 --group dev --generate-hashes \
+	uv pip compile --quiet --universal --python-version 3.11 --extra highway --group dev --generate-hashes \
 	  --no-emit-index-url --no-emit-find-links --custom-compile-command "make lock" \
 	  --output-file requirements.lock pyproject.toml
 
