@@ -75,7 +75,13 @@ class Recorder:
         )
         ego = self._states(scene.ego.id)
         return Recording(
-            replace(scene, dt=self._dt, obstacles=(*moving, *static), recorded_ego=ego),
+            replace(
+                scene,
+                dt=self._dt,
+                obstacles=(*moving, *static),
+                lanelets=tuple(self._observer.whole.network.values()),
+                recorded_ego=ego,
+            ),
             dict(self._crashed),
         )
 
