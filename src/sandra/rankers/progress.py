@@ -2,8 +2,8 @@
 
 A pair is driven ahead for `HORIZON` seconds among others who keep their speed: the action for
 `HOLD` seconds, then as fast as the limit and the distance for safety to the leader allow (R_G1 with
-the paper's parameters). While a change of lane lasts, the leaders of both lanes count. What a change
-costs is taken off, more where somebody is beside the ego or close behind in the other lane.
+the paper's parameters). While a change of lane lasts, the leaders of both lanes count. What a
+change costs is taken off, more where somebody is beside the ego or close behind in the other lane.
 
 An estimate and no more: it orders pairs, the verifier decides about them.
 """

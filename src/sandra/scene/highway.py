@@ -215,11 +215,6 @@ class Observer:
             self._seen.append(body)
         return self.ids[id(body)]
 
-    def replaced(self, old: Any, new: Any) -> None:
-        """The simulation goes on with another object for the same vehicle."""
-        self.ids[id(new)] = self.id_of(old)
-        self._seen.append(new)
-
     def state(self, body: Any) -> State:
         """The state of a vehicle or object of the simulation."""
         action = getattr(body, "action", None) or {}

@@ -27,23 +27,18 @@ class PlannedVehicle(ControlledVehicle):  # type: ignore[misc]
     of highway-env (y to the right).
     """
 
+    crashed: bool
+    impact: Any
     plan: Trajectory | None = None
     time = 0.0
     """Since the trajectory began [s]."""
 
     @classmethod
-    def in_place_of(cls, env: Any) -> PlannedVehicle:
-        """The ego of `env.unwrapped`, replaced by one that follows trajectories.
-
-        It takes the ego's place in the list of vehicles, so nothing else changes.
-        """
-        old = env.vehicle
-        new = cls.create_from(old)
-        index = next(i for i, vehicle in enumerate(env.road.vehicles) if vehicle is old)
-        env.road.vehicles[index] = new
-        env.controlled_vehicles[0] = new
+    def create_from(cls, vehicle: Any) -> PlannedVehicle:
+        """Another vehicle in the same state, which has not been steered yet."""
+        new: PlannedVehicle = super().create_from(vehicle)
         new.action = {"steering": 0.0, "acceleration": 0.0}
-        return new  # type: ignore[no-any-return]
+        return new
 
     def follow(self, plan: Trajectory, target_lane: Any, target_speed: float) -> None:
         """Drive this from the next tick on, from its first state on.

@@ -10,7 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,7 @@ from sandra.errors import ScenarioError
 from sandra.planning import Trajectory
 from sandra.scene.highway import Observer
 from sandra.scene.types import Scene
+from sandra.simulation.highway import Environment
 from sandra.simulation.recording import Recorder, Recording
 
 Array = NDArray[np.float64]
@@ -30,21 +31,6 @@ BREACH = 1e-6
 """A tick this far from its plan is outside of it [m]."""
 LOOK_AHEAD = 1.0
 """The speed that a plan has after so long is told to the others as the ego's target [s]."""
-
-
-class World(Protocol):
-    """A simulation that an episode drives in; see `sandra.simulation.highway`."""
-
-    env: Any
-    """`env.unwrapped` of gymnasium."""
-    tick_duration: float
-    """[s]"""
-
-    def reset(self, seed: int) -> None:
-        """A new episode."""
-
-    def tick(self) -> None:
-        """Advance everything by one tick."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -104,31 +90,29 @@ class Episode:
 
 
 def drive(
-    world: World,
+    world: Environment,
     seed: int,
     decider: Decider,
     *,
     name: str = "highway",
     steps: int = 30,
-    ticks_per_step: int = 3,
     on_step: Callable[[Step], None] = lambda step: None,
 ) -> Episode:
     """Drive one episode with certified trajectories.
 
     Args:
         world: the simulation. seed: of its traffic.
-        decider: decides every `ticks_per_step` ticks; its `period` is that time, or left open.
+        decider: decides once in each decision step of the world; its `period` is left open.
         name: of the scenes. steps: number of decisions. on_step: called after each.
     """
     from sandra.simulation.ego import PlannedVehicle
 
     world.reset(seed)
-    period = ticks_per_step * world.tick_duration
-    old = world.env.vehicle
-    observer = Observer.of(world.env, name, period)
-    ego = PlannedVehicle.in_place_of(world.env)
-    observer.replaced(old, ego)
-    recorder = Recorder(observer, world.env, observer.scene(ego), world.tick_duration)
+    ticks, tick = world.traffic.ticks, world.traffic.dt
+    ego = PlannedVehicle.create_from(world.ego)
+    world.replace_ego(ego)
+    observer = Observer.of(world.env, name, ticks * tick)
+    recorder = Recorder(observer, world.env, observer.scene(ego), tick)
     done: list[Step] = []
     ended = None
     for index in range(steps):
@@ -146,7 +130,7 @@ def drive(
             break
         ego.follow(plan, *_told(world.env, plan))
         breach = 0.0
-        for _ in range(ticks_per_step):
+        for _ in range(ticks):
             world.tick()
             recorder.note()
             if not ego.crashed:
@@ -157,7 +141,7 @@ def drive(
         if ego.crashed:
             ended = f"step {index}: the ego has crashed"
             break
-    return Episode(recorder.recording(), tuple(done), ticks_per_step, steps, ended)
+    return Episode(recorder.recording(), tuple(done), ticks, steps, ended)
 
 
 def _told(env: Any, plan: Trajectory) -> tuple[Any, float]:
