@@ -60,9 +60,7 @@ class RoadMap:
             raise ScenarioError("the simulated road has no lane: reset the environment first")
         ids = {index: number for number, index in enumerate(lanes, start=1)}
         borders = {index: _borders(lane) for index, lane in lanes.items()}
-        network = {
-            ids[index]: _lanelet(index, lane, ids, borders) for index, lane in lanes.items()
-        }
+        network = {ids[index]: _lanelet(index, lane, ids, borders) for index, lane in lanes.items()}
         return RoadMap(network, ids)
 
     def route(self, here: int, route: Sequence[Any] | None) -> tuple[int, ...]:
