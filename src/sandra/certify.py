@@ -22,7 +22,6 @@ from sandra.planning.fail_safe_rounds import ROUNDS, SAMPLED, Rounds
 from sandra.planning.fail_safe_search import FailSafe, fail_safe, fail_safe_horizon
 from sandra.planning.fail_safe_search import Miss as NoFailSafe
 from sandra.planning.given import driven
-from sandra.planning.single_track import HEADING, SPEED
 from sandra.planning.surroundings import Surroundings as OfFailSafe
 from sandra.planning.types import Trajectory
 from sandra.planning.validity import Road
@@ -41,9 +40,6 @@ blocks the first mostly blocks the others too."""
 ALIKE = (0.02, 0.02, 0.005, 0.1, 0.02)
 """States at the next decision that differ by no more than this are asked about once: from where no
 fail-safe was found, none is looked for again [m, m, rad, m/s, rad]."""
-SLOWER = 1 / 12
-"""Where a fail-safe would have had to brake harder, the next one is looked for from a speed that is
-lower by this part of what can be gained or lost until then."""
 
 
 WELL_CLEAR = 6.0
@@ -163,6 +159,7 @@ def certify(
         verdict.reachable_set,
         weights=weights or Weights(),
         accept=search.wrong_with,
+        decided_at=basis.t_dec,
     )
     if isinstance(found, Miss):
         return replace(verdict, reason=f"no certificate: {found.reason}")
@@ -291,7 +288,7 @@ class _Continuations:
         """None if the witness can be continued safely, else in words why not."""
         self.found = None
         state = _at_decision(self.basis, trajectory)
-        if any(self._no_better(state, x) for x in self.refused):
+        if any((np.abs(state - x) <= ALIKE).all() for x in self.refused):
             return "have no fail-safe continuation"
         rounds = ROUNDS if len(self.refused) < MOST_OPTIMISED else SAMPLED
         found = _continuation(self.basis, trajectory, rounds)
@@ -300,16 +297,3 @@ class _Continuations:
             return None
         self.refused.append(state)
         return "have no fail-safe continuation"
-
-    def _no_better(self, state: NDArray[np.float64], refused: NDArray[np.float64]) -> bool:
-        """Whether a state is like one from where there was none, or at the same place faster."""
-        settings = self.basis.ground.settings
-        step = SLOWER * (settings.a_lon_max - settings.a_lon_min) * self.basis.t_dec
-        away = np.abs(state - refused)
-        if not away[SPEED] <= ALIKE[SPEED]:
-            away[SPEED] = 0.0 if state[SPEED] > refused[SPEED] - step else np.inf
-        # Along its course it may be ahead by what the difference in speed makes.
-        c, s = np.cos(state[HEADING]), np.sin(state[HEADING])
-        x, y = state[:2] - refused[:2]
-        away[0], away[1] = 0.0, abs(c * y - s * x)
-        return bool((away <= ALIKE).all())
