@@ -112,6 +112,8 @@ def leaders(
         k, first = np.unique(step[order], return_index=True)
         nearest = order[first]
         left = room[nearest] - safe_distance(states[k, 3], speed[nearest], s)
+        # However fast it is, who was run into was too near.
+        left = np.where(room[nearest] < 0.0, np.minimum(left, room[nearest]), left)
         worse = left < slack[k]
         k, nearest = k[worse], nearest[worse]
         slack[k], gap[k], who[k] = left[worse], room[nearest], ids[nearest]
