@@ -57,10 +57,12 @@ class Others:
         states = every[owner, step]
         corners = placed(outlines[owner], states[:, :3]) if len(owner) else np.empty((0, 3, 2))
         radius = np.array([o.outline.radius for o in several])[owner]
-        shapes = shapely.convex_hull(shapely.multipoints(list(corners))) if len(owner) else []
-        shapes = np.asarray(shapes, dtype=object)
-        round_ = radius > 0.0
-        shapes[round_] = shapely.buffer(shapes[round_], radius[round_])
+        shapes = np.asarray(shapely.polygons(corners), dtype=object)
+        # A disc or a capsule: its corners are a point or two.
+        thin = np.array([len(o.outline.vertices) < 3 for o in several], dtype=bool)[owner]
+        shapes[thin] = shapely.convex_hull(shapes[thin])
+        wide = radius > 0.0
+        shapes[wide] = shapely.buffer(shapes[wide], radius[wide])
         ids = np.array([o.id for o in several], dtype=int)[owner]
         first = (np.diff(owner, prepend=-1) != 0) | (np.diff(step, prepend=-1) != 1)
         return Others(ids, step, states, corners, radius, shapes, first)
