@@ -5,8 +5,6 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-import numpy as np
-
 from sandra.cli.options import add_scenario, command, scene_of, settings_of
 from sandra.cli.output import figure_of, print_json
 from sandra.errors import SandraError
@@ -52,6 +50,8 @@ def _monitor(arguments: argparse.Namespace) -> int:
 
 
 def _steps(text: str, n: int) -> Any:
+    import numpy as np
+
     mask = np.zeros(n, dtype=bool)
     for part in text.split(","):
         first, _, last = part.strip().partition("-")
