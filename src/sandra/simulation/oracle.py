@@ -13,7 +13,11 @@ from typing import Any
 from sandra.simulation.highway import ACTIONS, Environment
 
 BRAKING = 6.0
-"""Deceleration that decides whether a branch is taken to be lost [m/s^2] (about SLOWER, repeated)."""
+"""Deceleration that decides whether a branch is taken to be lost [m/s^2] (about repeated SLOWER)."""
+FORESIGHT = 2.0
+"""How far ahead branches are compared [s]."""
+TIE = 0.1
+"""Weight of the present place among branches behind the same car."""
 LOST = 100.0
 """What such a branch is set back by in the order of the search [m]."""
 BACK = 4
@@ -66,7 +70,9 @@ def search(world: Environment, steps: int, width: int) -> tuple[str, ...]:
             continue
         deepest = max(deepest, *beam, key=lambda branch: len(branch.actions))
         depth += 1
-        levels[depth] = _order([child for branch in beam for child in _children(branch)])
+        levels[depth] = _order(
+            [child for branch in beam for child in _children(branch, steps - depth)]
+        )
     ends = levels[steps]
     best = max(ends, key=lambda b: float(b.world.ego.position[0])) if ends else deepest
     return best.actions
@@ -81,14 +87,14 @@ class Branch:
     actions: tuple[str, ...]
 
 
-def _children(branch: Branch) -> list[Branch]:
+def _children(branch: Branch, left: int) -> list[Branch]:
     """The branch one step later, without collision."""
     children = []
     for action in _choices(branch.world):
         world = branch.world.copy()
         world.step(action)
         if not world.ego.crashed:
-            children.append(Branch(_score(world), world, (*branch.actions, action)))
+            children.append(Branch(_score(world, left), world, (*branch.actions, action)))
     return children
 
 
@@ -96,7 +102,8 @@ def _order(branches: list[Branch]) -> list[Branch]:
     """The best of each kind, then the best of the rest; of equal ones only one."""
     different = {_state(b.world): b for b in reversed(branches)}
     seen: set[Any] = set()
-    first, rest = [], []
+    first: list[Branch] = []
+    rest: list[Branch] = []
     for branch in sorted(different.values(), key=lambda b: -b.score):
         ego = branch.world.ego
         kind = (ego.lane_index, ego.target_lane_index, float(ego.target_speed))
@@ -125,17 +132,24 @@ def _state(world: Environment) -> tuple[Any, ...]:
     return (ego.target_lane_index, *(round(float(v), 6) for v in numbers))
 
 
-def _score(world: Environment) -> float:
-    """How promising a branch is [m]: where the ego will be in a second; lost ones come last."""
+def _score(world: Environment, left: int) -> float:
+    """Where the ego can be a few seconds on, if nobody changes anything [m]; lost ones come last.
+
+    Args:
+        left: decision steps until the end; nothing beyond it counts.
+    """
     ego = world.ego
-    road = ego.road
-    score = float(ego.position[0] + ego.speed)
+    time = min(FORESIGHT, left * world.traffic.ticks * world.traffic.dt)
+    x, speed = float(ego.position[0]), float(ego.speed)
+    ahead = x + max(speed, float(ego.target_speed)) * time
+    lost = 0.0
     for lane in {ego.lane_index, ego.target_lane_index}:
-        front, _ = road.neighbour_vehicles(ego, lane)
+        front, _ = ego.road.neighbour_vehicles(ego, lane)
         if front is None:
             continue
-        gap = float(front.position[0] - ego.position[0]) - (front.LENGTH + ego.LENGTH) / 2
-        closing = max(0.0, float(ego.speed - front.speed))
-        if gap < closing**2 / (2 * BRAKING):
-            score -= LOST
-    return score
+        length = (front.LENGTH + ego.LENGTH) / 2
+        behind = float(front.position[0]) - length
+        ahead = min(ahead, behind + float(front.speed) * time)
+        if behind - x < max(0.0, speed - float(front.speed)) ** 2 / (2 * BRAKING):
+            lost = LOST
+    return ahead + TIE * x - lost

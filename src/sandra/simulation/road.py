@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 from highway_env.road.lane import StraightLane
-from highway_env.road.road import Road
+from highway_env.road.road import Road, RoadNetwork
 from highway_env.vehicle.objects import Landmark
 
 REACH = 1e-6
@@ -30,6 +30,7 @@ class QuickRoad(Road):  # type: ignore[misc]
         """The same road, its vehicles and objects moved over."""
         quick = cls.__new__(cls)
         quick.__dict__.update(road.__dict__)
+        quick.network = QuickNetwork.of(road.network)
         for body in (*quick.vehicles, *quick.objects):
             body.road = quick
         return quick
@@ -85,21 +86,62 @@ class QuickRoad(Road):  # type: ignore[misc]
 
     def _places(self, lane: Any) -> tuple[dict[int, float], list[tuple[float, Any]]]:
         bodies = self.vehicles + self.objects
-        if type(lane) is StraightLane and lane.direction[0] == 1 and lane.direction[1] == 0:
-            # Along x the products of `local_coordinates` are exact: this is the same number.
+        if _along_x(lane):
             x0, y0 = lane.start.tolist()
-            places = {id(v): float(v.position[0]) - x0 for v in bodies}
-            lateral = [float(v.position[1]) - y0 for v in bodies]
+            both = [(float(v.position[0]) - x0, float(v.position[1]) - y0) for v in bodies]
+            half, low = lane.width / 2 + 1, -lane.VEHICLE_LENGTH
+            high = float(lane.length) + lane.VEHICLE_LENGTH
+            on = [abs(r) <= half and low <= s < high for s, r in both]
         else:
             both = [lane.local_coordinates(v.position) for v in bodies]
-            places = {id(v): s for v, (s, _) in zip(bodies, both, strict=True)}
-            lateral = [r for _, r in both]
+            on = [
+                lane.on_lane(v.position, s, r, margin=1)
+                for v, (s, r) in zip(bodies, both, strict=True)
+            ]
+        places = {id(v): s for v, (s, _) in zip(bodies, both, strict=True)}
         on_lane = [
             (places[id(v)], v)
-            for v, r in zip(bodies, lateral, strict=True)
-            if lane.on_lane(v.position, places[id(v)], r, margin=1) and not isinstance(v, Landmark)
+            for v, is_on in zip(bodies, on, strict=True)
+            if is_on and not isinstance(v, Landmark)
         ]
         return places, on_lane
+
+
+class QuickNetwork(RoadNetwork):  # type: ignore[misc]
+    """Parallel straight lanes along x, as those of highway-v0."""
+
+    @classmethod
+    def of(cls, network: Any) -> Any:
+        """The same network; itself if it has other lanes."""
+        lanes = network.lanes_list()
+        if not all(_along_x(lane) and lane.heading == lanes[0].heading for lane in lanes):
+            return network
+        quick = cls.__new__(cls)
+        quick.__dict__.update(network.__dict__)
+        return quick
+
+    def get_closest_lane_index(self, position: Any, heading: float | None = None) -> Any:
+        """The index of the closest lane: the library's sums, the angle computed only once."""
+        if heading is None:
+            return super().get_closest_lane_index(position, heading)
+        x, y = position.tolist()
+        angle = best = closest = None
+        for start, ends in self.graph.items():
+            for end, lanes in ends.items():
+                for number, lane in enumerate(lanes):
+                    x0, y0 = lane.start.tolist()
+                    s = x - x0
+                    if angle is None:
+                        angle = float(np.abs(lane.local_angle(heading, s)))
+                    far = abs(y - y0) + max(s - float(lane.length), 0) + max(0 - s, 0) + angle
+                    if best is None or far < best:
+                        best, closest = far, (start, end, number)
+        return closest
+
+
+def _along_x(lane: Any) -> bool:
+    """Whether the products of `local_coordinates` are exact, so that differences are the same."""
+    return type(lane) is StraightLane and lane.direction[0] == 1 and lane.direction[1] == 0
 
 
 def copy_world(env: Any) -> Any:
