@@ -151,7 +151,8 @@ def _outermost(base: Ground, states: Array, rng: np.random.Generator) -> Array:
     chosen = np.unique(np.concatenate(kept))
     if len(chosen) > TRAJECTORIES:
         chosen = rng.choice(chosen, TRAJECTORIES, replace=False)
-    return states[chosen]
+    result: Array = states[chosen]
+    return result
 
 
 def _advanced(base: Ground, states: Array, rng: np.random.Generator) -> Array:
