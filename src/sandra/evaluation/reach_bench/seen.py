@@ -124,15 +124,15 @@ def _painted(base: Ground, boxes: Sequence[Rectangle]) -> NDArray[np.bool_]:
 
 
 def _inside(boxes: Sequence[Rectangle], states: Array) -> NDArray[np.bool_]:
-    s, d = states[:, 0], states[:, 2]
-    inside = np.zeros(len(states), dtype=np.bool_)
+    order = np.argsort(states[:, 0])
+    s, d = states[order, 0], states[order, 2]
+    found = np.zeros(len(states), dtype=np.bool_)
     for s_low, s_high, d_low, d_high in boxes:
-        inside |= (
-            (s >= s_low - ROUNDING)
-            & (s <= s_high + ROUNDING)
-            & (d >= d_low - ROUNDING)
-            & (d <= d_high + ROUNDING)
-        )
+        first = np.searchsorted(s, s_low - ROUNDING)
+        part = slice(first, np.searchsorted(s, s_high + ROUNDING, side="right"))
+        found[part] |= (d[part] >= d_low - ROUNDING) & (d[part] <= d_high + ROUNDING)
+    inside = np.zeros_like(found)
+    inside[order] = found
     return inside
 
 
