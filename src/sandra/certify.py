@@ -138,7 +138,9 @@ class Basis:
 def _farthest(scene: Scene, time: float, settings: Settings) -> float:
     """How far from its present position the ego's body may reach within some time [m]."""
     ego = scene.ego
-    way = abs(ego.state.speed) * time + max(settings.a_lon_max, 0.0) * time**2 / 2
+    speed, push = abs(ego.state.speed), max(settings.a_lon_max, 0.0)
+    # No faster than v_max, unless it is already.
+    way = min(speed * time + push * time**2 / 2, max(speed, settings.v_max) * time)
     return way + math.hypot(ego.length, ego.width) / 2
 
 

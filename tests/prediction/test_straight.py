@@ -217,3 +217,17 @@ def test_closed_offsets_are_supports(count: int) -> None:
         assert exact.symmetric_difference(shapely.Polygon(next(found))).area < 1e-6
     assert alive.sum() == len(offsets) - empty
     assert 20 < empty < 280
+
+
+def test_most_likely_trajectories_follow_a_straight_road_as_any_other() -> None:
+    obstacles = (
+        *traffic(np.random.default_rng(3)),
+        car(30, 190.0, 5.0, 0.1, 20.0),
+        car(31, 0.0, 5.0, 2.0, 20.0),
+        car(32, 0.0, 30.0, 0.2, 20.0),
+        car(33, 260.0, 5.0, 0.2, 20.0),
+    )
+    one = predict(scene(ROAD, obstacles), "constant-velocity", 12)
+    other = predict(scene((*ROAD, ELSEWHERE), obstacles), "constant-velocity", 12)
+    for a, b in zip(one.obstacles, other.obstacles, strict=True):
+        assert a.states == pytest.approx(b.states, abs=1e-6)

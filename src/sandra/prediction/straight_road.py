@@ -45,10 +45,13 @@ class StraightRoad:
         way = first.left[-1] - first.left[0] + first.right[-1] - first.right[0]
         course = math.atan2(way[1], way[0])
         empty = StraightRoad(np.array(first.right[0], float), course, (), (), (), reach)
-        strips = [_strip(empty, lanelet) for lanelet in lanelets]
-        if any(strip is None for strip in strips):
-            return None
-        bands = _bands([strip for strip in strips if strip is not None])
+        strips = []
+        for lanelet in lanelets:
+            strip = _strip(empty, lanelet)
+            if strip is None:
+                return None
+            strips.append(strip)
+        bands = _bands(strips)
         if bands is None or not _linked(bands):
             return None
         return StraightRoad(
