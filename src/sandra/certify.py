@@ -257,7 +257,7 @@ def _judged(
 
 
 def _continuation(
-    basis: Basis, trajectory: Trajectory, rounds: Rounds = ROUNDS
+    basis: Basis, trajectory: Trajectory, rounds: Rounds = ROUNDS, why: bool = True
 ) -> FailSafe | NoFailSafe:
     """The fail-safe from a trajectory's state at the next decision."""
     return fail_safe(
@@ -268,6 +268,7 @@ def _continuation(
         basis.ground.settings,
         basis.of_fail_safe,
         rounds,
+        why,
     )
 
 
@@ -292,7 +293,7 @@ class _Continuations:
         if any((np.abs(state - x) <= ALIKE).all() for x in self.refused):
             return "have no fail-safe continuation"
         rounds = ROUNDS if len(self.refused) < MOST_OPTIMISED else SAMPLED
-        found = _continuation(self.basis, trajectory, rounds)
+        found = _continuation(self.basis, trajectory, rounds, why=False)
         if isinstance(found, FailSafe):
             self.found = found
             return None
