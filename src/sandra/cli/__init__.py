@@ -14,6 +14,7 @@ from typing import NoReturn
 from sandra.cli import (
     bench,
     certificate,
+    conformance,
     decide,
     demo,
     evaluate,
@@ -58,6 +59,10 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"sandra {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    for each in (decide, verify, prompt, certificate, monitor, evaluate, bench, scenarios, demo):
+    every = (
+        *(decide, verify, prompt, certificate, monitor, conformance),
+        *(evaluate, bench, scenarios, demo),
+    )
+    for each in every:
         each.add(commands)
     return parser
