@@ -32,6 +32,12 @@ SPACING = 2.0
 """Distance between the points of a bent lane's borders [m]."""
 FIRST_VEHICLE = 10_000
 """Vehicles get ids from here on, in the order in which the simulation lists them."""
+LONG = 1500.0
+"""A straight lane longer than this is taken in part: what matters to the ego is near [m]."""
+BEHIND, AHEAD = 200.0, 500.0
+"""This much of it, at least, behind and ahead of the ego [m]."""
+MOVE = 100.0
+"""The part moves on in steps of this length, so that a map serves many scenes [m]."""
 _SAME_LINE = 0.1
 """Borders this close are the same line [m]."""
 
@@ -44,8 +50,11 @@ class RoadMap:
     ids: dict[LaneIndex, int]
 
     @staticmethod
-    def of(road_network: Any) -> RoadMap:
+    def of(road_network: Any, around: tuple[float, float] | None = None) -> RoadMap:
         """All lanes of a `highway_env.road.road.RoadNetwork`.
+
+        Args:
+            around: a position of highway-env [m]; of `LONG` straight lanes only what is near it.
 
         Raises:
             ScenarioError: if it has no lane.
@@ -59,7 +68,7 @@ class RoadMap:
         if not lanes:
             raise ScenarioError("the simulated road has no lane: reset the environment first")
         ids = {index: number for number, index in enumerate(lanes, start=1)}
-        borders = {index: _borders(lane) for index, lane in lanes.items()}
+        borders = {index: _borders(lane, around) for index, lane in lanes.items()}
         network = {ids[index]: _lanelet(index, lane, ids, borders) for index, lane in lanes.items()}
         return RoadMap(network, ids)
 
@@ -79,11 +88,15 @@ class RoadMap:
         return next(index[2] for index, number in self.ids.items() if number == before)
 
 
-def _borders(lane: Any) -> tuple[Array, Array]:
+def _borders(lane: Any, around: tuple[float, float] | None) -> tuple[Array, Array]:
     """(n, 2) left and right border [m], y to the left."""
     straight = type(lane).__name__ == "StraightLane"
     count = 2 if straight else max(3, math.ceil(lane.length / SPACING) + 1)
-    along = np.linspace(0.0, lane.length, count)
+    start, end = 0.0, lane.length
+    if straight and lane.length > LONG and around is not None:
+        here = lane.local_coordinates(np.array(around))[0]
+        start, end = max(start, here - BEHIND - MOVE), min(end, here + AHEAD + MOVE)
+    along = np.linspace(start, end, count)
     half = [lane.width_at(s) / 2 for s in along]
     flip = np.array([1.0, -1.0])
     left = np.array([lane.position(s, -w) for s, w in zip(along, half, strict=True)]) * flip
@@ -176,9 +189,12 @@ class Observer:
     """
 
     road: Any
-    map: RoadMap
     name: str
     dt: float
+    whole: RoadMap
+    """All lanes in full length."""
+    near: tuple[tuple[float, float], RoadMap] | None = None
+    """A position of the ego, and the map of what is near it."""
     ids: dict[int, int] = field(default_factory=dict)
     """Ids by the identity of the simulation's objects; these are kept in `_seen`, so that no
     identity is given away twice."""
@@ -187,7 +203,7 @@ class Observer:
     @staticmethod
     def of(env: Any, name: str, dt: float) -> Observer:
         """See the class; `dt` is the step of the scenes [s]."""
-        observer = Observer(env.road, RoadMap.of(env.road.network), name, dt)
+        observer = Observer(env.road, name, dt, RoadMap.of(env.road.network))
         for body in (*env.road.vehicles, *env.road.objects):
             observer.id_of(body)
         return observer
@@ -198,11 +214,6 @@ class Observer:
             self.ids[id(body)] = FIRST_VEHICLE + len(self._seen)
             self._seen.append(body)
         return self.ids[id(body)]
-
-    def replaced(self, old: Any, new: Any) -> None:
-        """The simulation goes on with another object for the same vehicle."""
-        self.ids[id(new)] = self.id_of(old)
-        self._seen.append(new)
 
     def state(self, body: Any) -> State:
         """The state of a vehicle or object of the simulation."""
@@ -223,9 +234,10 @@ class Observer:
             ScenarioError: if its centre is off the road.
         """
         state = self.state(vehicle)
-        network = self.map.network
+        road_map = self._near(vehicle)
+        network = road_map.network
         here = ego_lanelet(network, state.x, state.y, state.heading, ())
-        route = self.map.route(here, getattr(vehicle, "route", None))
+        route = road_map.route(here, getattr(vehicle, "route", None))
         lanes, meetings = lanes_around(network, here, route, state.speed)
         s = float(lanes[0].frame.to_curvilinear(np.array([[state.x, state.y]]))[0, 0])
         length, width = float(vehicle.LENGTH), float(vehicle.WIDTH)
@@ -247,6 +259,12 @@ class Observer:
                 tags=(),
             ),
         )
+
+    def _near(self, vehicle: Any) -> RoadMap:
+        x, y = map(float, vehicle.position)
+        if self.near is None or math.dist(self.near[0], (x, y)) > MOVE:
+            self.near = (x, y), RoadMap.of(self.road.network, (x, y))
+        return self.near[1]
 
     def _obstacles(self, ego: Any) -> Iterator[Obstacle]:
         for body in self.road.vehicles:

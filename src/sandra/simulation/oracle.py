@@ -1,0 +1,155 @@
+"""The look-ahead oracle: how far could a driver come that knows the future?
+
+It tries meta-actions in copies of the environment, in which the others react as they will. What it
+finds is a driven, collision-free episode: a lower bound of what is possible, and the reference for
+distance in the closed-loop tables. It is no driver: nobody can know what it knows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from sandra.simulation.highway import ACTIONS, Environment
+
+BRAKING = 6.0
+"""Deceleration that decides whether a branch is taken to be lost [m/s^2] (about repeated SLOWER)."""
+FORESIGHT = 2.0
+"""How far ahead branches are compared [s]."""
+TIE = 0.1
+"""Weight of the present place among branches behind the same car."""
+LOST = 100.0
+"""What such a branch is set back by in the order of the search [m]."""
+BACK = 4
+"""By how many steps more the search goes back each time it gets stuck."""
+SPARE = 3
+"""How many beams full of branches are remembered for that at each step."""
+
+
+@dataclass(slots=True)
+class Oracle:
+    """Beam search over meta-actions for the greatest distance without collision.
+
+    In each step all five meta-actions of all kept branches are simulated; of those that did not
+    crash, the best of each (lane, target lane, target speed) come first, then the others, until
+    `width` are kept.
+    """
+
+    width: int = 16
+    steps: int = 30
+    """Length of the episode in decision steps."""
+    name: str = "oracle"
+    _plan: tuple[str, ...] = ()
+    _next: int = 0
+
+    def start(self, world: Environment) -> None:
+        self._plan, self._next = search(world, self.steps, self.width), 0
+
+    def action(self, world: Environment) -> str | None:
+        action = self._plan[self._next] if self._next < len(self._plan) else "SLOWER"
+        self._next += 1
+        return action
+
+
+def search(world: Environment, steps: int, width: int) -> tuple[str, ...]:
+    """The actions of the farthest collision-free episode that was found from here.
+
+    Where all kept branches end in a collision, the search goes back a few steps, ever farther, to
+    branches that were not kept. Fewer than `steps` actions: no episode was found.
+    """
+    levels: list[list[Branch]] = [[] for _ in range(steps + 1)]
+    levels[0] = [Branch(0.0, world.copy(), ())]
+    depth, deepest, back = 0, levels[0][0], 0
+    while depth < steps:
+        beam, levels[depth] = levels[depth][:width], levels[depth][width : SPARE * width]
+        if not beam:
+            back += BACK
+            if back > steps:
+                break
+            depth = max(0, depth - back)
+            continue
+        deepest = max(deepest, *beam, key=lambda branch: len(branch.actions))
+        depth += 1
+        levels[depth] = _order(
+            [child for branch in beam for child in _children(branch, steps - depth)]
+        )
+    ends = levels[steps]
+    best = max(ends, key=lambda b: float(b.world.ego.position[0])) if ends else deepest
+    return best.actions
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Branch:
+    """One beginning of an episode."""
+
+    score: float
+    world: Environment
+    actions: tuple[str, ...]
+
+
+def _children(branch: Branch, left: int) -> list[Branch]:
+    """The branch one step later, without collision."""
+    children = []
+    for action in _choices(branch.world):
+        world = branch.world.copy()
+        world.step(action)
+        if not world.ego.crashed:
+            children.append(Branch(_score(world, left), world, (*branch.actions, action)))
+    return children
+
+
+def _order(branches: list[Branch]) -> list[Branch]:
+    """The best of each kind, then the best of the rest; of equal ones only one."""
+    different = {_state(b.world): b for b in reversed(branches)}
+    seen: set[Any] = set()
+    first: list[Branch] = []
+    rest: list[Branch] = []
+    for branch in sorted(different.values(), key=lambda b: -b.score):
+        ego = branch.world.ego
+        kind = (ego.lane_index, ego.target_lane_index, float(ego.target_speed))
+        (rest if kind in seen else first).append(branch)
+        seen.add(kind)
+    return first + rest
+
+
+def _choices(world: Environment) -> list[str]:
+    """The meta-actions that can make a difference."""
+    ego = world.ego
+    start, end, number = ego.target_lane_index
+    last = len(ego.road.network.graph[start][end]) - 1
+    return [
+        action
+        for action in ACTIONS
+        if not (action == "LANE_LEFT" and number == 0)
+        and not (action == "LANE_RIGHT" and number == last)
+    ]
+
+
+def _state(world: Environment) -> tuple[Any, ...]:
+    """Equal for branches with the same future of the ego (the others' differs hardly)."""
+    ego = world.ego
+    numbers = (*ego.position, ego.heading, ego.speed, ego.target_speed)
+    return (ego.target_lane_index, *(round(float(v), 6) for v in numbers))
+
+
+def _score(world: Environment, left: int) -> float:
+    """Where the ego can be a few seconds on, if nobody changes anything [m]; lost ones come last.
+
+    Args:
+        left: decision steps until the end; nothing beyond it counts.
+    """
+    ego = world.ego
+    time = min(FORESIGHT, left * world.traffic.ticks * world.traffic.dt)
+    x, speed = float(ego.position[0]), float(ego.speed)
+    ahead = x + max(speed, float(ego.target_speed)) * time
+    lost = 0.0
+    for lane in {ego.lane_index, ego.target_lane_index}:
+        front, _ = ego.road.neighbour_vehicles(ego, lane)
+        if front is None:
+            continue
+        length = (front.LENGTH + ego.LENGTH) / 2
+        behind = float(front.position[0]) - length
+        ahead = min(ahead, behind + float(front.speed) * time)
+        if behind - x < max(0.0, speed - float(front.speed)) ** 2 / (2 * BRAKING):
+            lost = LOST
+    return ahead + TIE * x - lost
