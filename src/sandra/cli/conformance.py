@@ -23,8 +23,8 @@ def add(commands: Any) -> None:
         commands,
         "conformance",
         "how often, and by how much, recorded vehicles break what the set-based prediction assumes "
-        "of them, and the tightest bounds that none of them breaks: exit status 0 if none is broken "
-        "and all are covered, else 1",
+        "of them, and the tightest bounds that none of them breaks: exit status 0 if none is "
+        "broken and all are covered, else 1",
         "sandra conformance recordings/ --keep legal_cut_in,no_rear_end --out measured.toml; "
         "sandra decide merge --prediction set-based --assumptions conformant:measured.toml",
     )

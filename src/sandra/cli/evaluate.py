@@ -7,7 +7,14 @@ from pathlib import Path
 from typing import Any
 
 from sandra.cli import soundness
-from sandra.cli.options import add_assumptions, add_workers, command, path_of, settings_of, workers_of
+from sandra.cli.options import (
+    add_assumptions,
+    add_workers,
+    command,
+    path_of,
+    settings_of,
+    workers_of,
+)
 from sandra.cli.output import print_json, progress
 from sandra.errors import SandraError
 

@@ -7,7 +7,14 @@ import json
 import sys
 from typing import Any
 
-from sandra.cli.options import add_assumptions, add_workers, command, path_of, settings_of, workers_of
+from sandra.cli.options import (
+    add_assumptions,
+    add_workers,
+    command,
+    path_of,
+    settings_of,
+    workers_of,
+)
 from sandra.cli.output import finite, print_json
 from sandra.errors import SandraError
 

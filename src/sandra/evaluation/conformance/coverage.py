@@ -72,7 +72,10 @@ def _from(
     sets = predict(scene, "set-based", steps, settings)
     looked, missed = 0, []
     for row, predicted in zip(rows.tolist(), sets.obstacles, strict=True):
-        gone = ~r.there[row, start + 1 : start + steps + 1] | breaks[row, start + 1 : start + steps + 1]
+        gone = (
+            ~r.there[row, start + 1 : start + steps + 1]
+            | breaks[row, start + 1 : start + steps + 1]
+        )
         kept = int(np.argmax(gone)) if gone.any() else steps
         looked += kept
         for k in range(1, kept + 1):

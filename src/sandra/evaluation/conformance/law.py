@@ -28,8 +28,8 @@ def law(r: Recording, road: Map, settings: Settings, towards: str) -> dict[str, 
     """By assumption, (m, n) by how much a vehicle breaks it at a step; NaN where it is not there.
 
     no_rear_end: closing speed at the moment in which a body comes to touch that of the one ahead
-    [m/s], at least 0.01. legal_cut_in: how much of d_safe of R_G1 is missing before the one in whose
-    lane it appears, at that step [m].
+    [m/s], at least 0.01. legal_cut_in: how much of d_safe of R_G1 is missing before the one in
+    whose lane it appears, at that step [m].
 
     Args:
         towards: "all": every vehicle on lanes is taken for the ego in turn; "ego": the recorded
@@ -49,7 +49,7 @@ def law(r: Recording, road: Map, settings: Settings, towards: str) -> dict[str, 
 
 
 def _rear_ends(r: Recording, egos: Bools, found: Array) -> None:
-    m, n = r.there.shape
+    n = r.there.shape[1]
     before: set[tuple[int, int]] = set()
     for k in range(n):
         rows = np.flatnonzero(r.there[:, k])
@@ -85,7 +85,7 @@ def _widths(r: Recording, row: int) -> float:
 
 def _cut_ins(r: Recording, road: Map, egos: Bools, settings: Settings, found: Array) -> None:
     touched, centred = _lanelets(r, road)
-    m, n = r.there.shape
+    n = r.there.shape[1]
     for other in np.flatnonzero(r.on_lanes):
         for k in range(1, n):
             now, then = touched[other].get(k), touched[other].get(k - 1)
@@ -149,7 +149,7 @@ def _lanelets(
     r: Recording, road: Map
 ) -> tuple[list[dict[int, frozenset[int]]], list[dict[int, frozenset[int]]]]:
     """Per vehicle, by step: the lanelets of its direction that its body is in; its centre is on."""
-    m, n = r.there.shape
+    m = len(r.ids)
     rows, steps = np.nonzero(r.there & np.array([k in LANE_KINDS for k in r.kinds])[:, None])
     touched: list[dict[int, frozenset[int]]] = [{} for _ in range(m)]
     centred: list[dict[int, frozenset[int]]] = [{} for _ in range(m)]

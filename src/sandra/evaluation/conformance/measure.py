@@ -1,4 +1,4 @@
-"""One recording: for each assumption, how much of it every vehicle needs, and where it is broken."""
+"""One recording: how much of each assumption every vehicle needs, and where it is broken."""
 
 from __future__ import annotations
 

@@ -42,9 +42,7 @@ def motion(r: Recording) -> dict[str, Array]:
     fast = np.where(there, np.abs(speed), np.nan)
     turn = np.maximum(np.abs(_wrap(np.diff(heading, axis=1))) - TURN_NOISE, 0.0)
     step = np.diff(x, axis=1)
-    way = np.maximum(
-        np.linalg.norm(step, axis=2), np.abs(speed[:, 1:] + speed[:, :-1]) / 2 * r.dt
-    )
+    way = np.maximum(np.linalg.norm(step, axis=2), np.abs(speed[:, 1:] + speed[:, :-1]) / 2 * r.dt)
     with np.errstate(divide="ignore", invalid="ignore"):
         curvature = later(np.where(turn > 0.0, turn / way, 0.0))
     found = {

@@ -124,7 +124,7 @@ def recording(
     )
     until = np.full(len(ids), n)
     for id, step in (crashed or {}).items():
-        if id not in ids or not 0 <= step:
+        if id not in ids or not step >= 0:
             raise ScenarioError(
                 f"{scene.name}: crashed vehicle {id} at step {step}: neither a recorded vehicle "
                 f"nor a step; recorded are {', '.join(map(str, sorted(ids))) or 'none'}"
