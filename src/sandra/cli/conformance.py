@@ -55,6 +55,9 @@ def add(commands: Any) -> None:
         "--every", type=int, default=10, metavar="N", help="predict from every N-th step"
     )
     parser.add_argument(
+        "--noise", type=float, default=0.02, metavar="M", help="of recorded positions [m]"
+    )
+    parser.add_argument(
         "--margin", type=float, default=0.05, metavar="M", help="share added to the bounds found"
     )
     parser.add_argument(
@@ -79,6 +82,7 @@ def _conformance(arguments: argparse.Namespace) -> int:
         touching=arguments.touching,
         horizon=arguments.coverage,
         every=arguments.every,
+        noise=arguments.noise,
         workers=workers_of(arguments),
         progress=_progress,
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial, reduce
@@ -25,12 +26,29 @@ TOWARDS = ("all", "ego")
 
 
 @dataclass(frozen=True, slots=True)
+class _Item:
+    """A recording, and who has crashed in it from which step on."""
+
+    given: str | Path | Scene
+    crashed: dict[int, int]
+
+    def __repr__(self) -> str:
+        return self.name
+
+    @property
+    def name(self) -> str:
+        """Of the file, or of the scene."""
+        return self.given.name if isinstance(self.given, Scene) else Path(self.given).name
+
+
+@dataclass(frozen=True, slots=True)
 class _Options:
     settings: Settings
     towards: str
     touching: bool
     horizon: int
     every: int
+    noise: float
 
 
 def conformance(
@@ -42,6 +60,7 @@ def conformance(
     touching: bool = False,
     horizon: int = 0,
     every: int = 10,
+    noise: float = 0.02,
     workers: int = 1,
     progress: Callable[[str], None] = lambda words: None,
 ) -> Conformance:
@@ -56,6 +75,7 @@ def conformance(
         touching: bodies that touch have crashed, too.
         horizon: steps for which sets are predicted and compared (coverage); 0: none.
         every: predict from every so many steps of a recording.
+        noise: recorded positions may be off by so much in a step [m].
         workers: processes; 0 for one on each core.
 
     Raises:
@@ -66,11 +86,14 @@ def conformance(
         raise SettingsError(f"towards = {towards!r}: choose from {', '.join(TOWARDS)}")
     if horizon < 0 or every < 1:
         raise SettingsError(f"horizon = {horizon} must be >= 0, every = {every} at least 1")
+    if not 0.0 <= noise < math.inf:
+        raise SettingsError(f"noise = {noise} must be a finite number >= 0")
     settings = Settings() if settings is None else settings
-    options = _Options(settings, towards, touching, horizon, every)
+    options = _Options(settings, towards, touching, horizon, every, noise)
     marked = crashed or {}
-    items = [(x, dict(marked.get(_name(x), {}))) for x in recordings]
-    known = {_name(x) for x, _ in items}
+    items = [_Item(x, {}) for x in recordings]
+    items = [_Item(x.given, dict(marked.get(x.name, {}))) for x in items]
+    known = {x.name for x in items}
     for name in marked:
         if name not in known:
             raise ScenarioError(f"crashed vehicles of {name}: no recording of that name is given")
@@ -79,9 +102,9 @@ def conformance(
     covered: list[Coverage] = []
     failed = []
     answers = in_order(partial(_judged, options), items, workers)
-    for number, ((item, _), answer) in enumerate(zip(items, answers, strict=True), start=1):
+    for number, (item, answer) in enumerate(zip(items, answers, strict=True), start=1):
         if isinstance(answer, Broken):
-            failed.append((_name(item), answer.error))
+            failed.append((item.name, answer.error))
             continue
         source, found, cover = answer
         progress(f"{number} of {len(items)} recordings")
@@ -121,14 +144,8 @@ def recordings_in(paths: Sequence[Path]) -> list[Path]:
     return list(dict.fromkeys(found))
 
 
-def _name(item: str | Path | Scene) -> str:
-    return item.name if isinstance(item, Scene) else Path(item).name
-
-
-def _judged(
-    options: _Options, item: tuple[str | Path | Scene, dict[int, int]]
-) -> tuple[Source, list[Finding], Coverage | None]:
-    given, crashed = item
+def _judged(options: _Options, item: _Item) -> tuple[Source, list[Finding], Coverage | None]:
+    given, crashed = item.given, item.crashed
     if isinstance(given, Scene):
         scene, digest = given, ""
     else:
@@ -137,12 +154,12 @@ def _judged(
         digest = hashlib.sha256(path.read_bytes()).hexdigest()
         crashed = {**marked_crashes(path), **crashed}
     made = recording(scene, crashed, touching=options.touching)
-    values, off = amounts(made, options.settings, options.towards)
-    found = findings(made, _name(given), values, options.settings.assumptions)
+    values, off = amounts(made, options.settings, options.towards, options.noise)
+    found = findings(made, item.name, values, options.settings.assumptions)
     cover = None
     if options.horizon:
         cover = coverage(made, values, options.settings, options.horizon, options.every)
-    return _source(made, _name(given), digest, off), found, cover
+    return _source(made, item.name, digest, off), found, cover
 
 
 def _source(made: Recording, name: str, digest: str, off: int) -> Source:

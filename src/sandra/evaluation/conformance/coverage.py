@@ -15,6 +15,7 @@ from sandra.scene.types import Region, Scene, State
 from sandra.settings import Settings
 
 Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
 
 SLACK = 0.02
 """Corners this far outside are inside [m]: borders of a map are chords, positions are rounded."""
@@ -52,7 +53,7 @@ def coverage(
     """
     a = replace(settings.assumptions, no_rear_end=False, legal_cut_in=False)
     settings = settings.replace(assumptions=a)
-    breaks = np.any(list(broken(values, a).values()), axis=0)
+    breaks = np.asarray(np.any(list(broken(values, a).values()), axis=0))
     total = NOTHING
     others = np.array([True] * len(r.ids), dtype=bool)
     if r.has_ego:
@@ -66,7 +67,7 @@ def coverage(
 
 
 def _from(
-    r: Recording, rows: NDArray[np.int_], start: int, steps: int, breaks: Array, settings: Settings
+    r: Recording, rows: NDArray[np.int_], start: int, steps: int, breaks: Bools, settings: Settings
 ) -> Coverage:
     scene = _at(r, rows, start)
     sets = predict(scene, "set-based", steps, settings)

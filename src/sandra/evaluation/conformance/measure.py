@@ -106,11 +106,13 @@ def demand(name: str, value: float) -> float:
     return math.inf if value == 0.0 else 1.0 / value
 
 
-def amounts(r: Recording, settings: Settings, towards: str) -> tuple[dict[str, Array], int]:
+def amounts(
+    r: Recording, settings: Settings, towards: str, noise: float
+) -> tuple[dict[str, Array], int]:
     """By name (m, n) how much is needed (a curvature for the radius), and who is off the lanes."""
     road = Map(r.scene.lanelets)
-    driven, off = on_road(r, road)
-    return {**motion(r), **driven, **law(r, road, settings, towards)}, off
+    driven, off = on_road(r, road, noise)
+    return {**motion(r, noise), **driven, **law(r, road, settings, towards)}, off
 
 
 def allowed(name: str, a: Assumptions) -> float:

@@ -1,7 +1,10 @@
-"""How fast, how hard and how tightly vehicles move: finite differences of what was recorded.
+"""How fast, how hard and how tightly vehicles move, by finite differences over a recording's step.
 
-Accelerations are means over a step of the recording: of the vector speed x (cos, sin)(heading), and
-of the speed alone. Peaks within a step are not seen.
+The velocity is the recorded speed in the direction of the recorded heading. Between two states there
+is a motion with |a| at most |dv| / dt + 4 e / dt^2, where e is the distance from the recorded
+position to where the mean of both velocities leads: the mean acceleration, and a swing to either
+side of it in the halves of the step. So much is what `max_acceleration` is asked for; of e, `noise`
+is granted to the recording. `max_braking` and `max_driving` are differences of speeds alone.
 """
 
 from __future__ import annotations
@@ -19,7 +22,7 @@ MOVED = 0.5
 """Steps shorter than this tell no direction of motion [m]."""
 
 
-def motion(r: Recording) -> dict[str, Array]:
+def motion(r: Recording, noise: float) -> dict[str, Array]:
     """By assumption, (m, n) how much of it a vehicle needs at a step; NaN: nothing is told.
 
     max_acceleration, max_braking, max_driving [m/s^2], max_speed [m/s], min_turning_radius (as
@@ -37,12 +40,15 @@ def motion(r: Recording) -> dict[str, Array]:
         return found
 
     velocity = speed[:, :, None] * np.stack([np.cos(heading), np.sin(heading)], axis=2)
-    push = later(np.linalg.norm(np.diff(velocity, axis=1), axis=2) / r.dt)
+    swing = 4 * np.maximum(_position_errors(r) - noise, 0.0) / r.dt**2
+    push = later(np.linalg.norm(np.diff(velocity, axis=1), axis=2) / r.dt + swing)
     gain = later(np.diff(np.abs(speed), axis=1) / r.dt)
-    fast = np.where(there, np.abs(speed), np.nan)
     turn = np.maximum(np.abs(_wrap(np.diff(heading, axis=1))) - TURN_NOISE, 0.0)
     step = np.diff(x, axis=1)
-    way = np.maximum(np.linalg.norm(step, axis=2), np.abs(speed[:, 1:] + speed[:, :-1]) / 2 * r.dt)
+    gone = np.linalg.norm(step, axis=2)
+    way = np.maximum(gone, np.abs(speed[:, 1:] + speed[:, :-1]) / 2 * r.dt)
+    fast = np.where(there, np.abs(speed), np.nan)
+    fast[:, 1:] = np.fmax(fast[:, 1:], np.where(both, (gone - noise) / r.dt, np.nan))
     with np.errstate(divide="ignore", invalid="ignore"):
         curvature = later(np.where(turn > 0.0, turn / way, 0.0))
     found = {
@@ -60,12 +66,16 @@ def motion(r: Recording) -> dict[str, Array]:
 
 def position_error(r: Recording) -> float:
     """How far recorded positions are from where the recorded speeds lead in a step, at most [m]."""
+    both = r.there[:, 1:] & r.there[:, :-1] & ~_ego_row(r)[:, None]
+    return float(_position_errors(r)[both].max(initial=0.0))
+
+
+def _position_errors(r: Recording) -> Array:
+    """(m, n-1) [m]"""
     speed, heading = r.states[:, :, 3], r.states[:, :, 2]
     velocity = speed[:, :, None] * np.stack([np.cos(heading), np.sin(heading)], axis=2)
     led = r.dt * (velocity[:, 1:] + velocity[:, :-1]) / 2
-    error = np.linalg.norm(np.diff(r.states[:, :, :2], axis=1) - led, axis=2)
-    both = r.there[:, 1:] & r.there[:, :-1] & ~_ego_row(r)[:, None]
-    return float(error[both].max(initial=0.0))
+    return np.asarray(np.linalg.norm(np.diff(r.states[:, :, :2], axis=1) - led, axis=2))
 
 
 def _slip(step: Array, heading: Array, both: NDArray[np.bool_]) -> Array:

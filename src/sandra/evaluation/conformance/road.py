@@ -64,12 +64,13 @@ class Map:
         return self._carriageways[start]
 
 
-def on_road(r: Recording, road: Map) -> tuple[dict[str, Array], int]:
+def on_road(r: Recording, road: Map, noise: float) -> tuple[dict[str, Array], int]:
     """By assumption, (m, n) how much of it a vehicle needs at a step; NaN: nothing is told.
 
     no_reversing: speed against the lane [m/s]. stay_on_carriageway: distance of the centre from it
     [m]. follow_lanes: distance of the centre from the lanelets that follow, or lie beside, those of
-    the step before [m]. max_lateral_speed [m/s]. max_overhang [m].
+    the step before [m]. max_lateral_speed: of the velocity, and of the positions less `noise` [m/s].
+    max_overhang [m].
 
     Who is on no lane of its direction when first seen (second result: how many) is not asked: the
     prediction does not assume lanes of it either.
@@ -86,7 +87,7 @@ def on_road(r: Recording, road: Map) -> tuple[dict[str, Array], int]:
     off = 0
     for row in np.flatnonzero(r.on_lanes & r.there.any(axis=1)):
         steps = np.flatnonzero(r.there[row])
-        told = _vehicle(r, road, int(row), steps)
+        told = _vehicle(r, road, int(row), steps, noise)
         if told is None:
             off += 1
             continue
@@ -96,7 +97,7 @@ def on_road(r: Recording, road: Map) -> tuple[dict[str, Array], int]:
 
 
 def _vehicle(
-    r: Recording, road: Map, row: int, steps: NDArray[np.int_]
+    r: Recording, road: Map, row: int, steps: NDArray[np.int_], noise: float
 ) -> tuple[Array, ...] | None:
     states = r.states[row, steps]
     around, course = _around(road, states)
@@ -116,6 +117,7 @@ def _vehicle(
     else:
         beyond = np.asarray(shapely.distance(area, shapely.points(corners)).max(axis=1))
     against, across, left = (np.full(len(steps), np.nan) for _ in range(3))
+    lanes = np.full(len(steps), -1)
     now = start
     for k in range(len(steps)):
         here = dict(zip(around[k].tolist(), course[k].tolist(), strict=True))
@@ -126,12 +128,30 @@ def _vehicle(
         if not kept:
             kept = frozenset(here)
         if kept:
-            turned = np.array([_wrap(states[k, 2] - here[i]) for i in kept])
+            chosen = sorted(kept)
+            turned = _wrap(states[k, 2] - np.array([here[i] for i in chosen]))
             along = states[k, 3] * np.cos(turned)
             against[k] = max(-float(along.max()), 0.0)
-            across[k] = float(np.abs(states[k, 3] * np.sin(turned)).min())
-            now = frozenset(i for i, x in zip(kept, along, strict=True) if x >= 0.0) or kept
+            sideways = np.abs(states[k, 3] * np.sin(turned))
+            across[k] = float(sideways.min())
+            lanes[k] = chosen[int(np.argmin(sideways))]
+            now = frozenset(i for i, x in zip(chosen, along, strict=True) if x >= 0.0) or kept
+    moved = (_moved_across(road, states, lanes) - noise) / r.dt
+    across[1:] = np.fmax(across[1:], np.where(np.diff(steps) == 1, moved, np.nan))
     return against, away, left, across, beyond
+
+
+def _moved_across(road: Map, states: Array, lanes: NDArray[np.int_]) -> Array:
+    """(n-1,) change of d in each step [m], in the lane before or after it, whichever is less."""
+    found = np.full(len(states) - 1, np.inf)
+    for shift in (0, 1):
+        lane = lanes[shift : len(states) - 1 + shift]
+        for i in np.unique(lane[lane >= 0]):
+            rows = np.flatnonzero(lane == i)
+            frame = road.frame(int(i))
+            d = [frame.to_curvilinear(states[rows + j, :2])[:, 1] for j in (0, 1)]
+            found[rows] = np.minimum(found[rows], np.abs(d[1] - d[0]))
+    return np.where(np.isfinite(found), found, np.nan)
 
 
 def _around(road: Map, states: Array) -> tuple[list[NDArray[np.int_]], list[Array]]:
