@@ -166,4 +166,5 @@ class Conformance:
         share = 100.0 * f.broken_steps / f.steps
         who = f"{f.broken_vehicles} of {f.vehicles}"
         at = f"{f.broken_steps} ({share:.2f} %)"
-        return f"{f.name:<28}{told:>9}  {f.worst:>9.3f} {unit:<6}{who:>14}{at:>18}  {f.where}"
+        where = f"  {f.where}" if f.worst > 0.0 or f.broken_steps else ""
+        return f"{f.name:<28}{told:>9}  {f.worst:>9.3f} {unit:<6}{who:>14}{at:>18}{where}"
