@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from sandra.describe import Prompt, prompt
     from sandra.errors import SandraError
     from sandra.logic import Vocabulary, parse, specification
-    from sandra.monitor import Robustness, monitor
+    from sandra.monitor import Robustness, robustness
     from sandra.prediction import Prediction, predict
     from sandra.rankers import Ranking
     from sandra.reach import ReachableSet, Status, Verdict, Verdicts, verify
@@ -32,7 +32,8 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 # Names are imported when first used, so that `import sandra` and `sandra --help` stay fast.
-# `prompt` is the function `describe`, whose name the room of that name has already taken.
+# `prompt` is the function `describe`, whose name the room of that name has already taken;
+# `robustness` is `sandra.monitor.monitor`, for the same reason.
 _HOME = {
     "ALL_PAIRS": "sandra.actions",
     "ActionPair": "sandra.actions",
@@ -58,10 +59,10 @@ _HOME = {
     "example": "sandra.scenarios",
     "examples": "sandra.scenarios",
     "load": "sandra.scene",
-    "monitor": "sandra.monitor",
     "parse": "sandra.logic",
     "predict": "sandra.prediction",
     "prompt": "sandra.describe",
+    "robustness": "sandra.monitor",
     "specification": "sandra.logic",
     "verify": "sandra.reach",
 }
@@ -92,10 +93,10 @@ __all__ = [
     "example",
     "examples",
     "load",
-    "monitor",
     "parse",
     "predict",
     "prompt",
+    "robustness",
     "specification",
     "verify",
 ]

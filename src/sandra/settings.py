@@ -60,6 +60,37 @@ class Assumptions:
     pedestrian_max_acceleration: float = 3.0
     """|a| of pedestrians in any direction [m/s^2]."""
 
+    @staticmethod
+    def load(path: str | Path) -> Assumptions:
+        """Read a TOML file with a table `[assumptions]`; what it leaves out keeps its default.
+
+        A table `[conformance]`, which says where the bounds come from, may stand beside it.
+
+        Raises:
+            SettingsError: if the file is missing, is not TOML, or holds a bad value.
+        """
+        data = _read(path)
+        data.pop("conformance", None)
+        if set(data) != {"assumptions"}:
+            raise SettingsError(
+                f"{path}: no set of assumptions; write one with 'sandra conformance --out FILE'"
+            )
+        return _validated(data, path).assumptions
+
+    @staticmethod
+    def named(text: str) -> Assumptions:
+        """`"paper"`, or `"conformant:FILE"` with a file that `load` reads.
+
+        Raises:
+            SettingsError: any other text, or as `load`.
+        """
+        kind, _, path = text.partition(":")
+        if text == "paper":
+            return Assumptions()
+        if kind == "conformant" and path:
+            return Assumptions.load(path)
+        raise SettingsError(f"assumptions '{text}': write paper or conformant:FILE")
+
 
 @dataclass(frozen=True, slots=True)
 class Settings:
@@ -187,25 +218,29 @@ class Settings:
         Raises:
             SettingsError: if the file is missing, is not TOML, or holds a bad value.
         """
-        try:
-            text = Path(path).read_text(encoding="utf-8")
-            data = tomllib.loads(text)
-        except OSError as error:
-            raise SettingsError(
-                f"{path}: cannot be read ({error.strerror}); check the path"
-            ) from None
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-            raise SettingsError(f"{path}: not a TOML file ({error})") from None
-        import pydantic
+        return _validated(_read(path), path)
 
-        try:
-            adapter = pydantic.TypeAdapter(Settings)
-            _reject_unknown(data, path)
-            return adapter.validate_python(data)
-        except pydantic.ValidationError as error:
-            first = error.errors()[0]
-            where = ".".join(str(part) for part in first["loc"]) or "settings"
-            raise SettingsError(f"{path}: {where}: {first['msg']}") from None
+
+def _read(path: str | Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(Path(path).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise SettingsError(f"{path}: cannot be read ({error.strerror}); check the path") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise SettingsError(f"{path}: not a TOML file ({error})") from None
+
+
+def _validated(data: dict[str, Any], path: str | Path) -> Settings:
+    import pydantic
+
+    try:
+        adapter = pydantic.TypeAdapter(Settings)
+        _reject_unknown(data, path)
+        return adapter.validate_python(data)
+    except pydantic.ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"]) or "settings"
+        raise SettingsError(f"{path}: {where}: {first['msg']}") from None
 
 
 def _reject_unknown(data: dict[str, Any], path: str | Path) -> None:

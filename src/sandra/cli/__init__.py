@@ -14,6 +14,7 @@ from typing import NoReturn
 from sandra.cli import (
     bench,
     certificate,
+    conformance,
     decide,
     demo,
     drive,
@@ -59,7 +60,20 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"sandra {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    rooms = (decide, verify, drive, prompt, certificate, monitor, evaluate, bench, scenarios, demo)
+    rooms = (
+        decide,
+        verify,
+        drive,
+        prompt,
+        certificate,
+        monitor,
+        conformance,
+        evaluate,
+        bench,
+        scenarios,
+        demo,
+    )
     for each in rooms:
+        each.add(commands)
         each.add(commands)
     return parser

@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from sandra.cli.options import command, path_of, settings_of
+from sandra.cli.options import add_assumptions, command, path_of, settings_of
 from sandra.cli.output import print_json, progress
 from sandra.errors import SettingsError
 
@@ -37,6 +37,7 @@ def _add_decide(actions: Any) -> None:
         help="CommonRoad files, or names of 'sandra scenarios'",
     )
     parser.add_argument("--prediction", default="most-likely", metavar="KIND", help="see verify")
+    add_assumptions(parser)
     parser.add_argument("--rules", default="", metavar="LIST", help="e.g. R_G1,R_G2,R_G3")
     parser.add_argument("--all", action="store_true", help="verify all twelve pairs")
     parser.add_argument("--runs", type=int, default=20, metavar="N", help="counted runs of each")

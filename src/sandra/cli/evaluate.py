@@ -7,7 +7,14 @@ from pathlib import Path
 from typing import Any
 
 from sandra.cli import soundness
-from sandra.cli.options import add_workers, command, path_of, settings_of, workers_of
+from sandra.cli.options import (
+    add_assumptions,
+    add_workers,
+    command,
+    path_of,
+    settings_of,
+    workers_of,
+)
 from sandra.cli.output import print_json, progress
 from sandra.errors import SandraError
 
@@ -51,6 +58,7 @@ def _add_verdicts(actions: Any) -> None:
         help="sets of traffic rules, semicolons between",
     )
     parser.add_argument("--horizon", type=int, metavar="H", help="steps to verify (default: 25)")
+    add_assumptions(parser)
     parser.add_argument("--settings", metavar="FILE", help="a TOML file with parameters")
     add_workers(parser)
     parser.add_argument("--out", metavar="FILE", help="write the tables as Markdown")

@@ -43,6 +43,7 @@ def add_verification(parser: argparse.ArgumentParser) -> None:
         metavar="KIND",
         help="of the other traffic: most-likely, set-based, recorded or constant-velocity",
     )
+    add_assumptions(parser)
     parser.add_argument(
         "--rules", default="", metavar="LIST", help="traffic rules, e.g. R_G1,R_G2,R_G3"
     )
@@ -51,6 +52,15 @@ def add_verification(parser: argparse.ArgumentParser) -> None:
         "--vocabulary", metavar="FILE", help="a TOML file with actions and rules of your own"
     )
     parser.add_argument("--figure", metavar="FILE", help="draw it: .png, .pdf or .svg")
+
+
+def add_assumptions(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--assumptions",
+        metavar="SET",
+        help="of the set-based prediction: paper, or conformant:FILE, as 'sandra conformance' "
+        "writes it (default: those of --settings)",
+    )
 
 
 def add_prompting(parser: argparse.ArgumentParser) -> None:
@@ -85,9 +95,13 @@ def workers_of(arguments: argparse.Namespace) -> int:
 
 
 def settings_of(arguments: argparse.Namespace) -> Settings:
-    from sandra.settings import Settings
+    from sandra.settings import Assumptions, Settings
 
-    return Settings.load(arguments.settings) if arguments.settings else Settings()
+    settings = Settings.load(arguments.settings) if arguments.settings else Settings()
+    chosen = getattr(arguments, "assumptions", None)
+    if chosen is None:
+        return settings
+    return settings.replace(assumptions=Assumptions.named(chosen))
 
 
 def vocabulary_of(arguments: argparse.Namespace) -> Vocabulary | None:

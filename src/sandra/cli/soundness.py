@@ -7,7 +7,14 @@ import json
 import sys
 from typing import Any
 
-from sandra.cli.options import add_workers, command, path_of, settings_of, workers_of
+from sandra.cli.options import (
+    add_assumptions,
+    add_workers,
+    command,
+    path_of,
+    settings_of,
+    workers_of,
+)
 from sandra.cli.output import finite, print_json
 from sandra.errors import SandraError
 
@@ -34,6 +41,7 @@ def add(actions: Any) -> None:
     )
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="of all that is random")
     add_workers(parser)
+    add_assumptions(parser)
     parser.add_argument("--settings", metavar="FILE", help="a TOML file with parameters")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.add_argument("--out", metavar="FILE", help="write the JSON object to a file, too")

@@ -3,4 +3,7 @@
 from sandra.monitor.monitor import monitor
 from sandra.monitor.types import Robustness, RuleRobustness
 
-__all__ = ["Robustness", "RuleRobustness", "monitor"]
+robustness = monitor
+"""The name of `monitor` one room up, where that is the room."""
+
+__all__ = ["Robustness", "RuleRobustness", "monitor", "robustness"]

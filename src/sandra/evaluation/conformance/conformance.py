@@ -1,0 +1,177 @@
+"""Many recordings, one after another or in several processes."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial, reduce
+from pathlib import Path
+
+import numpy as np
+
+from sandra.errors import ScenarioError, SettingsError
+from sandra.evaluation.conformance.coverage import Coverage, coverage
+from sandra.evaluation.conformance.measure import Finding, amounts, findings
+from sandra.evaluation.conformance.motion import position_error
+from sandra.evaluation.conformance.recording import Recording, marked_crashes, recording
+from sandra.evaluation.conformance.report import Conformance, Source
+from sandra.evaluation.workers import Broken, in_order
+from sandra.scene import load
+from sandra.scene.types import Scene
+from sandra.settings import Settings
+
+TOWARDS = ("all", "ego")
+
+
+@dataclass(frozen=True, slots=True)
+class _Item:
+    """A recording, and who has crashed in it from which step on."""
+
+    given: str | Path | Scene
+    crashed: dict[int, int]
+
+    def __repr__(self) -> str:
+        return self.name
+
+    @property
+    def name(self) -> str:
+        """Of the file, or of the scene."""
+        return self.given.name if isinstance(self.given, Scene) else Path(self.given).name
+
+
+@dataclass(frozen=True, slots=True)
+class _Options:
+    settings: Settings
+    towards: str
+    touching: bool
+    horizon: int
+    every: int
+    noise: float
+
+
+def conformance(
+    recordings: Sequence[str | Path | Scene],
+    settings: Settings | None = None,
+    *,
+    towards: str = "all",
+    crashed: Mapping[str, Mapping[int, int]] | None = None,
+    touching: bool = False,
+    horizon: int = 0,
+    every: int = 10,
+    noise: float = 0.02,
+    workers: int = 1,
+    progress: Callable[[str], None] = lambda words: None,
+) -> Conformance:
+    """Measure recordings against `settings.assumptions`.
+
+    Args:
+        recordings: CommonRoad files, or scenes whose obstacles have `states`.
+        towards: who is taken for the ego by `no_rear_end` and `legal_cut_in`: "all" vehicles in
+            turn, or the recorded "ego" alone.
+        crashed: by file name or scene name, the step from which on a vehicle has crashed and is no
+            evidence; added to what the file RECORDING.crashed.json says.
+        touching: bodies that touch have crashed, too.
+        horizon: steps for which sets are predicted and compared (coverage); 0: none.
+        every: predict from every so many steps of a recording.
+        noise: recorded positions may be off by so much in a step [m].
+        workers: processes; 0 for one on each core.
+
+    Raises:
+        SettingsError: an unknown `towards`, a bad number.
+        ScenarioError: a file that cannot be read, or nothing that moves in any of them.
+    """
+    if towards not in TOWARDS:
+        raise SettingsError(f"towards = {towards!r}: choose from {', '.join(TOWARDS)}")
+    if horizon < 0 or every < 1:
+        raise SettingsError(f"horizon = {horizon} must be >= 0, every = {every} at least 1")
+    if not 0.0 <= noise < math.inf:
+        raise SettingsError(f"noise = {noise} must be a finite number >= 0")
+    settings = Settings() if settings is None else settings
+    options = _Options(settings, towards, touching, horizon, every, noise)
+    marked = crashed or {}
+    items = [_Item(x, {}) for x in recordings]
+    items = [_Item(x.given, dict(marked.get(x.name, {}))) for x in items]
+    known = {x.name for x in items}
+    for name in marked:
+        if name not in known:
+            raise ScenarioError(f"crashed vehicles of {name}: no recording of that name is given")
+    sources: list[Source] = []
+    every_finding: list[list[Finding]] = []
+    covered: list[Coverage] = []
+    failed = []
+    answers = in_order(partial(_judged, options), items, workers)
+    for number, (item, answer) in enumerate(zip(items, answers, strict=True), start=1):
+        if isinstance(answer, Broken):
+            failed.append((item.name, answer.error))
+            continue
+        source, found, cover = answer
+        progress(f"{number} of {len(items)} recordings")
+        sources.append(source)
+        every_finding.append(found)
+        if cover is not None:
+            covered.append(cover)
+    if not failed and not any(source.vehicles for source in sources):
+        raise ScenarioError(
+            "no recorded vehicle moves in any of the files; give recordings, whose dynamic "
+            "obstacles have trajectories"
+        )
+    together = [reduce(Finding.and_, rows) for rows in zip(*every_finding, strict=True)]
+    return Conformance(
+        tuple(sources),
+        tuple(together),
+        settings.assumptions,
+        towards,
+        tuple(failed),
+        reduce(Coverage.and_, covered) if covered else None,
+    )
+
+
+def recordings_in(paths: Sequence[Path]) -> list[Path]:
+    """Files as they are, folders as the .xml files in and below them.
+
+    Raises:
+        ScenarioError: a path that does not exist, or a folder without any.
+    """
+    found: list[Path] = []
+    for path in paths:
+        inside = sorted(path.rglob("*.xml")) if path.is_dir() else [path]
+        if not inside or not inside[0].exists():
+            what = "holds no .xml file" if path.is_dir() else "does not exist"
+            raise ScenarioError(f"{path}: {what}; give CommonRoad files, or folders of them")
+        found += inside
+    return list(dict.fromkeys(found))
+
+
+def _judged(options: _Options, item: _Item) -> tuple[Source, list[Finding], Coverage | None]:
+    given, crashed = item.given, item.crashed
+    if isinstance(given, Scene):
+        scene, digest = given, ""
+    else:
+        path = Path(given)
+        scene = load(path, settings=options.settings)
+        digest = hashlib.sha256(path.read_bytes()).hexdigest()
+        crashed = {**marked_crashes(path), **crashed}
+    made = recording(scene, crashed, touching=options.touching)
+    values, off = amounts(made, options.settings, options.towards, options.noise)
+    found = findings(made, item.name, values, options.settings.assumptions)
+    cover = None
+    if options.horizon:
+        cover = coverage(made, values, options.settings, options.horizon, options.every)
+    return _source(made, item.name, digest, off), found, cover
+
+
+def _source(made: Recording, name: str, digest: str, off: int) -> Source:
+    counted = made.others | made.walking
+    there = made.there[counted]
+    return Source(
+        name,
+        digest,
+        made.dt,
+        int(there.any(axis=1).sum()),
+        int(np.sum(there)),
+        made.crashed_steps,
+        off,
+        position_error(made),
+    )
