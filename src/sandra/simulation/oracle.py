@@ -7,13 +7,14 @@ distance in the closed-loop tables. It is no driver: nobody can know what it kno
 
 from __future__ import annotations
 
+import copy
 from dataclasses import dataclass
 from typing import Any
 
 from sandra.simulation.highway import ACTIONS, Environment
 
 BRAKING = 6.0
-"""Deceleration that decides whether a branch is taken to be lost [m/s^2] (about repeated SLOWER)."""
+"""Deceleration that decides whether a branch is lost [m/s^2]: about that of repeated SLOWER."""
 FORESIGHT = 2.0
 """How far ahead branches are compared [s]."""
 TIE = 0.1
@@ -30,15 +31,15 @@ SPARE = 3
 class Oracle:
     """Beam search over meta-actions for the greatest distance without collision.
 
-    In each step all five meta-actions of all kept branches are simulated; of those that did not
-    crash, the best of each (lane, target lane, target speed) come first, then the others, until
+    In each step the meta-actions of all kept branches are simulated; of those that did not crash,
+    the best of each (lane, target lane, target speed) come first, then the others, until
     `width` are kept.
     """
 
-    width: int = 16
+    width: int = 8
     steps: int = 30
     """Length of the episode in decision steps."""
-    name: str = "oracle"
+    name: str = "look-ahead oracle"
     _plan: tuple[str, ...] = ()
     _next: int = 0
 
@@ -113,16 +114,14 @@ def _order(branches: list[Branch]) -> list[Branch]:
 
 
 def _choices(world: Environment) -> list[str]:
-    """The meta-actions that can make a difference."""
-    ego = world.ego
-    start, end, number = ego.target_lane_index
-    last = len(ego.road.network.graph[start][end]) - 1
-    return [
-        action
-        for action in ACTIONS
-        if not (action == "LANE_LEFT" and number == 0)
-        and not (action == "LANE_RIGHT" and number == last)
-    ]
+    """The meta-actions of which each sets another target."""
+    world = world.copy()  # where a lane ends, an action draws random numbers
+    different: dict[Any, str] = {}
+    for action in ("IDLE", *ACTIONS):
+        ego = copy.copy(world.ego)
+        ego.act(action)
+        different.setdefault((ego.target_lane_index, float(ego.target_speed)), action)
+    return list(different.values())
 
 
 def _state(world: Environment) -> tuple[Any, ...]:
