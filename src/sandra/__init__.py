@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from sandra.describe import Prompt, prompt
     from sandra.errors import SandraError
     from sandra.logic import Vocabulary, parse, specification
+    from sandra.monitor import Robustness, monitor
     from sandra.prediction import Prediction, predict
     from sandra.rankers import Ranking
     from sandra.reach import ReachableSet, Status, Verdict, Verdicts, verify
@@ -45,6 +46,7 @@ _HOME = {
     "Ranking": "sandra.rankers",
     "ReachableSet": "sandra.reach",
     "SandraError": "sandra.errors",
+    "Robustness": "sandra.monitor",
     "Scene": "sandra.scene",
     "Settings": "sandra.settings",
     "Status": "sandra.reach",
@@ -56,6 +58,7 @@ _HOME = {
     "example": "sandra.scenarios",
     "examples": "sandra.scenarios",
     "load": "sandra.scene",
+    "monitor": "sandra.monitor",
     "parse": "sandra.logic",
     "predict": "sandra.prediction",
     "prompt": "sandra.describe",
@@ -75,6 +78,7 @@ __all__ = [
     "Prompt",
     "Ranking",
     "ReachableSet",
+    "Robustness",
     "SandraError",
     "Scene",
     "Settings",
@@ -88,6 +92,7 @@ __all__ = [
     "example",
     "examples",
     "load",
+    "monitor",
     "parse",
     "predict",
     "prompt",

@@ -159,6 +159,7 @@ def certify(
         verdict.reachable_set,
         weights=weights or Weights(),
         accept=search.wrong_with,
+        decided_at=basis.t_dec,
     )
     if isinstance(found, Miss):
         return replace(verdict, reason=f"no certificate: {found.reason}")

@@ -25,6 +25,14 @@ class Assumptions:
 
     max_acceleration: float = 12.0
     """|a| of other vehicles in any direction (friction circle) [m/s^2] (Tab.)."""
+    max_braking: float = math.inf
+    """The speed of a vehicle falls no faster [m/s^2]; above `max_acceleration`: no further bound.
+
+    Dropped for a vehicle whose observed acceleration is below minus this; counted on in lanes."""
+    max_driving: float = math.inf
+    """The speed of a vehicle grows no faster [m/s^2]; above `max_acceleration`: no further bound.
+
+    Dropped for a vehicle whose observed acceleration is above this."""
     max_speed: float = 50.0
     """Highest speed of other vehicles [m/s]; a vehicle already faster keeps its own speed."""
     no_reversing: bool = True

@@ -134,6 +134,27 @@ def test_three_ways_of_going_straight_on_are_played() -> None:
     assert shapely.centroid(_straight_on(fast)[2].body).x == pytest.approx(6.0)
 
 
+def test_bounds_on_braking_and_driving_are_played_where_they_are_listed() -> None:
+    c = alone(wide())
+    a = replace(c.settings.assumptions, max_braking=5.0, max_driving=3.0)
+    c = replace(c, settings=replace(c.settings, assumptions=a))
+
+    def played(*listed: str) -> list[float]:
+        (o,) = c.obstacles
+        found = _straight_on(replace(c, obstacles=(replace(o, assumptions=listed),)))
+        return [shapely.centroid(x.body).x for x in found[:3]]
+
+    t = c.dt
+    for listed, (slower, faster) in {
+        (): (12.0, 12.0),
+        ("max_braking",): (5.0, 12.0),
+        ("max_driving",): (12.0, 3.0),
+        ("max_braking", "max_driving"): (5.0, 3.0),
+    }.items():
+        ways = [4.0 * t - slower * t**2 / 2, 4.0 * t, 4.0 * t + faster * t**2 / 2]
+        assert played(*listed) == pytest.approx(ways)
+
+
 def test_going_straight_on_follows_the_heading() -> None:
     turned = alone(wide(turn=0.6), states=np.tile([1.0, 2.0, 0.5, 4.0, 0.0], (16, 1)))
     where = shapely.centroid(_straight_on(turned)[1].body)

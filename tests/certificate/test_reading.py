@@ -43,7 +43,7 @@ from sandra.certificate.reading import (
     _WrongKindError,
     from_json,
 )
-from sandra.certificate.types import Body, LaneOf
+from sandra.certificate.types import UNLIMITED, Body, LaneOf
 from sandra.certificate.writing import PARAMETERS, _listed, _of_number, _packed, names_of, to_json
 from sandra.errors import CertificateError
 from sandra.settings import Assumptions, Settings
@@ -197,6 +197,11 @@ def test_parameters_that_must_be_there() -> None:
     assert loose.assumptions == Assumptions(max_speed=30)
     for name in names_of(Assumptions):
         less = {key: value for key, value in assumed.items() if key != name}
+        if name in UNLIMITED:
+            assert (
+                getattr(_settings({**written, "assumptions": less}).assumptions, name) == math.inf
+            )
+            continue
         with pytest.raises(CertificateError, match=f"^'assumptions' lacks '{name}'$"):
             _settings({**written, "assumptions": less})
 

@@ -14,6 +14,8 @@ class Stretch(NamedTuple):
     m: float
     low: float
     high: float
+    then: float = -np.inf
+    """Least progress at the end of the step."""
 
 
 Node = tuple[int, int]
@@ -29,8 +31,9 @@ def follow_one(
     at: list[Cells],
     between: list[Cells],
     dt: float,
+    gains: dict[int, list[float]],
 ) -> tuple[list[dict[Node, Stretch]], list[dict[Node, Stretch]]]:
-    """At each t_k and during each step, where the vehicle may be."""
+    """At each t_k and during each step, where the vehicle may be; `gains` [m] by lanelet, step."""
     strips = lane_map.strips
     now: dict[Node, Stretch] = {}
     for place in vehicle.places:
@@ -42,15 +45,16 @@ def follow_one(
         )
     points, intervals = [now], []
     for k, touched in enumerate(between):
-        during = _spread(lane_map, now, touched, vehicle, ego_lane, dt)
+        gain = {i: steps[k] for i, steps in gains.items()}
+        during = _spread(lane_map, now, touched, vehicle, ego_lane, dt, gain)
         intervals.append(during)
         now = {}
         for node, stretch in during.items():
             strip = strips[node[0]]
-            inside = _inside(strip, at[k + 1][node[0]], stretch.m)
+            inside = _inside(strip, at[k + 1][node[0]], stretch.then)
             if inside:
                 rear = float(strip.behind[inside].min())
-                m = stretch.m if vehicle.reversing else max(stretch.m, rear)
+                m = stretch.then if vehicle.reversing else max(stretch.then, rear)
                 now[node] = Stretch(m, stretch.low, stretch.high)
         points.append(now)
     return points, intervals
@@ -67,6 +71,7 @@ def _spread(
     vehicle: Rules,
     ego_lane: frozenset[int],
     dt: float,
+    gain: dict[int, float],
 ) -> dict[Node, Stretch]:
     strips = lane_map.strips
     found: dict[Node, Stretch] = {}
@@ -75,10 +80,15 @@ def _spread(
     def enter(node: Node, new: Stretch) -> None:
         strip = strips[node[0]]
         most = float(strip.half.max()) + vehicle.lateral_speed * dt * strip.stretch
-        new = Stretch(new.m, max(new.low, -most), min(new.high, most))
+        new = Stretch(new.m, max(new.low, -most), min(new.high, most), new.then)
         if node in found:
             old = found[node]
-            new = Stretch(min(old.m, new.m), min(old.low, new.low), max(old.high, new.high))
+            new = Stretch(
+                min(old.m, new.m),
+                min(old.low, new.low),
+                max(old.high, new.high),
+                min(old.then, new.then),
+            )
             if new == old:
                 return
         found[node] = new
@@ -87,7 +97,8 @@ def _spread(
 
     for node, stretch in now.items():
         growth = vehicle.lateral_speed * dt * strips[node[0]].stretch
-        enter(node, Stretch(stretch.m, stretch.low - growth, stretch.high + growth))
+        low, high = stretch.low - growth, stretch.high + growth
+        enter(node, Stretch(stretch.m, low, high, stretch.m + gain[node[0]]))
     kept: dict[Node, Stretch] = {}
     while todo:
         lanelet, how = node = todo.pop()
@@ -96,7 +107,9 @@ def _spread(
         if not inside:
             continue
         half = float(strip.half.max())
-        kept[node] = Stretch(stretch.m, max(stretch.low, -half), min(stretch.high, half))
+        kept[node] = Stretch(
+            stretch.m, max(stretch.low, -half), min(stretch.high, half), stretch.then
+        )
         onward = [(i, True) for i in strip.successors if inside[-1] == len(strip.cells) - 1]
         if vehicle.reversing and inside[0] == 0:
             onward += [(i, False) for i in strip.predecessors]
@@ -105,7 +118,8 @@ def _spread(
                 stays = how if i in ego_lane else PLAIN
                 enter((i, stays), _to_end(stretch, strip, strips[i], forward))
         narrowest = float(strip.half[inside[0] : inside[-1] + 2].min())
-        m = max(stretch.m, float(strip.behind[inside].min()))
+        least = float(strip.behind[inside].min())
+        m, then = max(stretch.m, least), max(stretch.then, least)
         for i, excess, side in (
             (strip.left_id, stretch.high - narrowest, 1),
             (strip.right_id, -stretch.low - narrowest, -1),
@@ -113,11 +127,12 @@ def _spread(
             if i is None or i not in touched or excess < -START_ERROR:
                 continue
             excess = max(excess, 0.0) + START_ERROR
-            widest, least = float(strips[i].half.max()), float(strips[i].half.min())
-            y = (-widest, excess - least) if side > 0 else (least - excess, widest)
-            rear = m if i in strip.shared and not vehicle.reversing else -np.inf
+            widest, narrow = float(strips[i].half.max()), float(strips[i].half.min())
+            y = (-widest, excess - narrow) if side > 0 else (narrow - excess, widest)
+            keeps = i in strip.shared and not vehicle.reversing
+            rear = (m, then) if keeps else (-np.inf, -np.inf)
             came = PLAIN if i not in ego_lane else how if lanelet in ego_lane else CUT
-            enter((i, came), Stretch(rear, *y))
+            enter((i, came), Stretch(rear[0], *y, rear[1]))
     return kept
 
 

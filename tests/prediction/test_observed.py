@@ -28,7 +28,12 @@ from sandra.settings import Assumptions, Settings
 ROAD = straight_road()
 MAP = build_map(ROAD, 20.0)
 A = Assumptions()
-BOUNDS = [f.name for f in fields(Assumptions) if isinstance(getattr(A, f.name), float)]
+UNLIMITED = ("max_braking", "max_driving")
+BOUNDS = [
+    f.name
+    for f in fields(Assumptions)
+    if isinstance(getattr(A, f.name), float) and f.name not in UNLIMITED
+]
 
 
 def seen(obstacle: Obstacle, a: Assumptions = A):  # type: ignore[no-untyped-def]
@@ -40,6 +45,12 @@ def test_bounds_may_be_zero_but_not_negative_nor_infinite() -> None:
     for name in BOUNDS:
         check_assumptions(replace(A, **{name: 0.0}))
         for bad in (-1e-9, math.inf, math.nan):
+            with pytest.raises(SettingsError, match=rf"assumptions\.{name} = "):
+                check_assumptions(replace(A, **{name: bad}))
+    for name in UNLIMITED:
+        for good in (0.0, math.inf):
+            check_assumptions(replace(A, **{name: good}))
+        for bad in (-1e-9, math.nan):
             with pytest.raises(SettingsError, match=rf"assumptions\.{name} = "):
                 check_assumptions(replace(A, **{name: bad}))
 

@@ -195,6 +195,8 @@ def drive(
     seed: int,
     *,
     a_max: float = 12.0,
+    braking: float = np.inf,
+    driving: float = np.inf,
     lateral: float = 4.0,
     v_max: float = 50.0,
     overhang: float = 0.3,
@@ -240,17 +242,18 @@ def drive(
         a_n = np.clip((goal - v_n) / step, -0.6 * a_max, 0.6 * a_max)
         a_n = a_n + curvature * v_t**2
         rest = np.sqrt(np.maximum(a_max**2 - a_n**2, 0.0))
-        a_t = np.clip(want[:, 0], -rest, rest)
+        a_t = np.clip(np.clip(want[:, 0], -braking, driving), -rest, rest)
         a = a_t[:, None] * tangent + a_n[:, None] * normal
         a *= np.minimum(1.0, a_max / np.maximum(np.linalg.norm(a, axis=1), 1e-9))[:, None]
         then = v + a * step
         # A vehicle that would begin to reverse stops, if it can within this fine step.
         back = (then * tangent).sum(axis=1) < 0
-        stops = back & (np.linalg.norm(v, axis=1) <= a_max * step)
+        stops = back & (np.linalg.norm(v, axis=1) <= min(a_max, braking) * step)
         then[stops] = 0.0
         p = p + (v + then) / 2 * step
         speed = np.linalg.norm(then, axis=1)
         way += np.linalg.norm(v + then, axis=1) / 2 * step
+        gain = (speed - np.linalg.norm(v, axis=1)) / step
         v = then
         psi = np.where(speed > 1e-6, np.arctan2(v[:, 1], v[:, 0]), psi)
         tangent, normal, d, _ = course.at(p)
@@ -259,6 +262,8 @@ def drive(
             ((v * tangent).sum(axis=1) >= -1e-9)
             & (np.abs((v * normal).sum(axis=1)) <= lateral)
             & (speed <= v_max)
+            & (gain >= -braking - 1e-9)
+            & (gain <= driving + 1e-9)
             & (turned <= way / radius + 1e-9)
         )
         c, s = np.cos(psi), np.sin(psi)

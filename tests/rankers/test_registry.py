@@ -67,8 +67,8 @@ def test_exhaustive_offers_every_feasible_pair_progress_first() -> None:
     assert len(pairs) == len(PROMPT.feasible) == 8
     assert [str(p) for p in pairs[:3]] == [
         "accelerate,follow-lane",
-        "accelerate,left-lane",
         "keep,follow-lane",
+        "accelerate,left-lane",
     ]
 
 

@@ -14,7 +14,15 @@ import numpy as np
 
 from sandra.actions import ActionPair
 from sandra.certificate.report import Checked, Violation
-from sandra.certificate.types import FORMAT, RELATIONS, Body, Certificate, Participant, Pavement
+from sandra.certificate.types import (
+    FORMAT,
+    RELATIONS,
+    UNLIMITED,
+    Body,
+    Certificate,
+    Participant,
+    Pavement,
+)
 from sandra.logic.vocabulary import ACTION_NAMES
 from sandra.planning.types import Trajectory
 from sandra.scene.types import Region
@@ -115,6 +123,8 @@ def _settings(settings: Settings) -> Iterator[str]:
         if isinstance(entry.default, bool):
             if not isinstance(value, bool):
                 yield f"assumptions.{entry.name} = {value!r} is neither true nor false"
+        elif entry.name in UNLIMITED and value == math.inf:
+            continue
         elif not _number(value) or value < 0.0:
             yield f"assumptions.{entry.name} = {value!r} is no finite number >= 0"
 

@@ -128,11 +128,13 @@ def _straight_on(c: Certificate) -> list[_Played]:
             continue
         home = areas[int(np.argmax(homes))]
         x, y, heading, speed = o.states[0, :4].tolist()
-        plays = [(k, p) for k in _some(len(o.possible)) for p in (-1.0, 0.0, 1.0)]
-        way = [
-            _travelled(speed, p * a.max_acceleration, max(a.max_speed, speed), (k + 1) * c.dt)
-            for k, p in plays
-        ]
+        slower = faster = a.max_acceleration
+        if "max_braking" in o.assumptions:
+            slower = min(slower, a.max_braking)
+        if "max_driving" in o.assumptions:
+            faster = min(faster, a.max_driving)
+        plays = [(k, p) for k in _some(len(o.possible)) for p in (-slower, 0.0, faster)]
+        way = [_travelled(speed, p, max(a.max_speed, speed), (k + 1) * c.dt) for k, p in plays]
         rows = [(x + s * math.cos(heading), y + s * math.sin(heading), heading) for s in way]
         for (k, _), body in zip(plays, _placed(o.outline, np.array(rows)), strict=True):
             found.append(_Played(o.id, c.set_based, k, o.possible[k], body, home))

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from sandra.actions import ActionPair
 from sandra.certificate.types import (
     FORMAT,
+    UNLIMITED,
     Body,
     Certificate,
     LaneOf,
@@ -273,9 +274,9 @@ def _settings(value: Json) -> Settings:
 
 def _assumptions(value: Json) -> Assumptions:
     names = set(names_of(Assumptions))
-    # One that the file does not know was not assumed; there is no default for that.
-    at = _Place(value, "assumptions", names)
-    return _made(Assumptions, {name: at.read(name, _parameter) for name in names})
+    # One that the file does not know was not assumed: only who assumes nothing may leave it out.
+    at = _Place(value, "assumptions", names, frozenset(UNLIMITED))
+    return _made(Assumptions, {name: at.read(name, _parameter) for name in names & set(at.tree)})
 
 
 def _parameter(value: Json) -> float | bool:

@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 Occupancies = tuple[tuple[Region, ...], ...]
 """Entry k: the regions whose union holds the whole body during [t_k, t_k+1]."""
 
+UNLIMITED = ("max_braking", "max_driving")
+"""Assumptions that are infinite where nothing is assumed; files may leave them out."""
 FORMAT = "sandra-certificate/1"
 """Name and version of the format; a reader refuses any other."""
 

@@ -11,7 +11,17 @@ import sys
 from collections.abc import Sequence
 from typing import NoReturn
 
-from sandra.cli import bench, certificate, decide, demo, evaluate, prompt, scenarios, verify
+from sandra.cli import (
+    bench,
+    certificate,
+    decide,
+    demo,
+    evaluate,
+    monitor,
+    prompt,
+    scenarios,
+    verify,
+)
 from sandra.errors import SandraError
 
 
@@ -48,6 +58,6 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"sandra {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    for each in (decide, verify, prompt, certificate, evaluate, bench, scenarios, demo):
+    for each in (decide, verify, prompt, certificate, monitor, evaluate, bench, scenarios, demo):
         each.add(commands)
     return parser

@@ -86,7 +86,9 @@ class Judge:
             f"{found.strategy}, at most {found.deceleration:.1f} m/s^2, to a standstill; "
             "keeps clear of the set-based prediction"
         )
-        return Maneuver("fail-safe", None, states, scene.dt, note, states)
+        return Maneuver(
+            "fail-safe", None, states, scene.dt, note, states, trajectory=found.trajectory
+        )
 
 
 def _nothing() -> None:
@@ -107,4 +109,5 @@ def _proven(pair: ActionPair, proof: Proven, dt: float) -> Maneuver:
         note,
         continuation.trajectory.every(dt),
         continuation.trajectory.start,
+        proof.witness,
     )

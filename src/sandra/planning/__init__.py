@@ -2,6 +2,7 @@
 
 from sandra.planning.corridor import in_corridor
 from sandra.planning.cost import Weights
+from sandra.planning.emergency import emergency
 from sandra.planning.fail_safe import full_braking
 from sandra.planning.fail_safe_search import FailSafe, fail_safe, fail_safe_horizon
 from sandra.planning.types import Maneuver, Trajectory
@@ -13,6 +14,7 @@ __all__ = [
     "Surroundings",
     "Trajectory",
     "Weights",
+    "emergency",
     "fail_safe",
     "fail_safe_horizon",
     "full_braking",

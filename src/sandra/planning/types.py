@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sandra.actions import ActionPair
+from sandra.planning.single_track import SPEED, step
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -19,6 +20,7 @@ class Maneuver:
     acceleration of a row is that applied until the next. `note` says in words what it is, and
     what has not been proven of it. `fail_safe` has the form of `states`, from the time
     `fail_safe_start` [s] on: what is driven if no new decision comes by then; None: there is none.
+    `trajectory` is the same with inputs and fine steps; None: only the states were found.
     """
 
     kind: str
@@ -28,6 +30,7 @@ class Maneuver:
     note: str
     fail_safe: NDArray[np.float64] | None = None
     fail_safe_start: float = 0.0
+    trajectory: Trajectory | None = None
 
     def to_dict(self) -> dict[str, str | None]:
         """The `executed` entry of the JSON contract; a fail-safe is no action pair."""
@@ -67,6 +70,26 @@ class Trajectory:
     def end(self) -> float:
         """Time of the last state [s]."""
         return self.start + self.tau * len(self.inputs)
+
+    def at(self, time: float, wheelbase: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """State (5,) and input (2,) at a time from `start` on [s]; after `end` it stands still.
+
+        Between two states the model is driven on with the input of that step.
+
+        Raises:
+            ValueError: before `start`, or after an end at which the speed is not 0.
+        """
+        place = (time - self.start) / self.tau
+        index = int(place + 1e-6)
+        if not place > -1e-6:
+            raise ValueError(f"the trajectory begins at {self.start:g} s, not at {time:g} s")
+        if index >= len(self.inputs):
+            last = self.states[-1]
+            if time > self.end + 1e-6 and abs(last[SPEED]) > 1e-3:
+                raise ValueError(f"the trajectory ends at {self.end:g} s with {last[SPEED]:g} m/s")
+            return last, np.zeros(2)
+        rest = max(place - index, 0.0) * self.tau
+        return step(self.states[index], self.inputs[index], rest, wheelbase), self.inputs[index]
 
 
 @dataclass(frozen=True, slots=True)

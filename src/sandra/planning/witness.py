@@ -39,6 +39,10 @@ MOST_PER_PROFILE = 6
 """So many of one acceleration profile are driven in vain in a stage of sampling."""
 MOST_ASKED = 8
 """So many valid trajectories are shown to `accept` before the search is given up."""
+MOST_AS_FAST = 2
+"""After so many refusals, what is as fast at the next decision, or faster, is shown no more."""
+SLOWER = 1 / 12
+"""Speeds at the next decision differ if they do by this part of what can be gained until then."""
 COARSE_GAP = 0.01
 """Distance to others that samples keep, half of what is then asked of what is driven [m]."""
 INSIDE = 1e-6
@@ -79,6 +83,7 @@ def witness(
     *,
     weights: Weights = Weights(),  # noqa: B008  frozen
     accept: Callable[[Trajectory], str | None] = lambda trajectory: None,
+    decided_at: float | None = None,
 ) -> Trajectory | Miss:
     """A trajectory over the whole horizon that stays in the corridor and satisfies the formula.
 
@@ -91,6 +96,8 @@ def witness(
         weights: what makes one trajectory better than another.
         accept: what else is asked of a trajectory, such as a fail-safe continuation: None, or in
             words what is wrong; then the next one is shown.
+        decided_at: when the next decision is due [s], default after one step. What is wrong with
+            a trajectory is mostly that it is too fast then: slower ones are shown next.
 
     Raises:
         FormulaError: if the formula names a predicate that cannot be evaluated on a trajectory.
@@ -103,15 +110,16 @@ def witness(
     wrong = _wrong_at_start(around)
     if wrong is not None:
         return Miss(wrong)
-    search = _Search(around, specification, found.corridor(), weights)
+    search = _Search(around, specification, found.corridor(), weights, decided_at)
     # Different samples are often driven alike: the same question is asked once.
     known: dict[bytes, str] = {}
-    for trajectory in islice(search.trajectories(), MOST_ASKED):
+    for trajectory, gained in islice(search.trajectories(), MOST_ASKED):
         key = trajectory.inputs.tobytes()
         answer = known.get(key) or accept(trajectory)
         if answer is None:
             return trajectory
         known[key] = answer
+        search.refused.append(gained)
         search.counts[f"are valid, but {answer}"] += 1
     return search.miss()
 
@@ -146,6 +154,7 @@ class _Search:
         specification: Specification,
         corridor: ReachableSet,
         weights: Weights,
+        decided_at: float | None,
     ) -> None:
         self.around, self.specification, self.weights = around, specification, weights
         self.ground, self.scene = around.ground, around.ground.scene
@@ -154,11 +163,19 @@ class _Search:
         self.counts: Counter[str] = Counter()
         self.driven = 0
         self.closest: tuple[float, Array] | None = None
+        dt, settings = self.scene.dt, self.ground.settings
+        self.until = 1 if decided_at is None else max(1, round(decided_at / dt))
+        self.step = SLOWER * (settings.a_lon_max - settings.a_lon_min) * self.until * dt
+        self.refused: list[float] = []
+        """Speeds gained until the next decision by what was refused [m/s]."""
         lateral = specification.pair.lateral
         self.sampler = Sampler(self.ground, corridor, lateral, weights, self.counts)
 
-    def trajectories(self) -> Iterator[Trajectory]:
-        """Valid ones; within each stage of sampling roughly cheapest first."""
+    def trajectories(self) -> Iterator[tuple[Trajectory, float]]:
+        """Valid ones, with the speed they gain until the next decision [m/s].
+
+        Within each stage of sampling roughly cheapest first.
+        """
         for stage in range(self.sampler.stages):
             candidates = self.sampler.stage(stage)
             failed: Counter[int] = Counter()
@@ -170,14 +187,21 @@ class _Search:
                     profile = int(candidates.profile[index])
                     if self.driven >= MOST_DRIVEN:
                         return
-                    if failed[profile] >= MOST_PER_PROFILE:
+                    gained = self._gained(candidates, index)
+                    if failed[profile] >= MOST_PER_PROFILE or self._too_fast(gained):
                         self.counts["skipped"] += 1
                         continue
                     found = self._drive(candidates, index)
                     if found is not None:
-                        yield found
+                        yield found, gained
                     else:
                         failed[profile] += 1
+
+    def _gained(self, candidates: Candidates, index: int) -> float:
+        return float(candidates.acceleration[index, : self.until].sum() * self.scene.dt)
+
+    def _too_fast(self, gained: float) -> bool:
+        return sum(gained > x - self.step for x in self.refused) >= MOST_AS_FAST
 
     def _clear(self, candidates: Candidates, rows: NDArray[np.int_]) -> list[int]:
         """Those whose samples stay on the road and away from others, in order of full cost."""

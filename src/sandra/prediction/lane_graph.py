@@ -33,6 +33,8 @@ class Rules:
     segments: dict[int, int]
     """Number of the segment for each lanelet (by id) that the vehicle may touch within the
     horizon."""
+    ways: Array | None = None
+    """(h,) way along its lane that it drives at least in each step [m]; None: 0."""
 
 
 class Stretches(NamedTuple):
@@ -91,6 +93,8 @@ class LaneGraph:
     ends: Ends
     sides: Sides
     start: Stretches
+    ways: Array | None
+    """(h, n) way along the lane that is driven at least in each step [m]; None: 0."""
 
     @staticmethod
     def of(table: LaneTable, vehicles: list[Rules], ego_lane: frozenset[int]) -> LaneGraph:
@@ -111,6 +115,7 @@ class _Growing:
         self.ends: list[tuple[int, int, bool, float, float]] = []
         self.sides: list[tuple[int, int, bool, float, float, bool]] = []
         self.start: list[tuple[int, float, float, float]] = []
+        self.ways: list[Array | None] = []
         self._junctions: dict[tuple[int, int, bool], tuple[float, float]] = {}
 
     def add(self, vehicle: Rules) -> None:
@@ -122,6 +127,7 @@ class _Growing:
             key = (lanelet, how)
             if key not in found:
                 found[key] = len(self.nodes)
+                self.ways.append(vehicle.ways)
                 todo.append(key)
                 self.nodes.append(
                     (
@@ -184,7 +190,14 @@ class _Growing:
                 np.array([x[5] for x in self.sides], dtype=bool),
             ),
             start,
+            self._ways(),
         )
+
+    def _ways(self) -> Array | None:
+        known = next((x for x in self.ways if x is not None), None)
+        if known is None:
+            return None
+        return np.stack([np.zeros_like(known) if x is None else x for x in self.ways], axis=1)
 
     def _junction(self, strip: Strip, other: Strip, forward: bool) -> tuple[float, float]:
         """Bounds of the change of y on entering the next lanelet (or the one before)."""

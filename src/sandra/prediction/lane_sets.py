@@ -44,6 +44,7 @@ def follow(table: LaneTable, graph: LaneGraph, first: Ints, last: Ints, dt: floa
     # It is in a lane at some time of a step, and beyond the lane's border by then at most as far as
     # it moves across in one step: so much is handed on to the lane beside.
     most = graph.half + growth
+    gains = _gains(table, graph, dt)
     for k in range(horizon):
         here = now.m < np.inf
         wider = _where(
@@ -55,19 +56,29 @@ def follow(table: LaneTable, graph: LaneGraph, first: Ints, last: Ints, dt: floa
             ),
         )
         cells = first[horizon + 1 + k], last[horizon + 1 + k]
-        moved = _spread(table, graph, wider, *cells, most)
+        moved, then = _spread(table, graph, wider, *cells, most, gains[k] if len(gains) else 0.0)
         during = Stretches(
             moved.m, np.maximum(moved.low, -graph.half), np.minimum(moved.high, graph.half)
         )
-        begin = _begin(table, graph, during.m, first[k + 1])
+        begin = _begin(table, graph, then, first[k + 1])
         here = begin <= last[k + 1][graph.segment]
-        rear = np.maximum(during.m, table.behind[np.where(here, begin, 0)])
-        m = np.where(graph.reversing, during.m, rear)
+        rear = np.maximum(then, table.behind[np.where(here, begin, 0)])
+        m = np.where(graph.reversing, then, rear)
         now = _where(here, Stretches(m, during.low, during.high))
         intervals.append(during)
         points.append(now)
     rows = points + intervals
     return Stretches(*(np.stack(x) for x in zip(*rows, strict=True)))
+
+
+def _gains(table: LaneTable, graph: LaneGraph, dt: float) -> Array:
+    """(h, n) progress that is made at least in each step on each node; (0, n): none for sure."""
+    if graph.ways is None:
+        return np.empty((0, len(graph.segment)))
+    pace, drift = (x[graph.lanelet] for x in table.pace())
+    # Who has no bound on its speed across drives no way for sure.
+    across = np.where(np.isfinite(graph.lateral_speed), graph.lateral_speed, 0.0)
+    return np.maximum(pace * graph.ways - drift * across * dt, 0.0)
 
 
 def _begin(table: LaneTable, graph: LaneGraph, m: Array, first: Ints) -> Ints:
@@ -77,32 +88,53 @@ def _begin(table: LaneTable, graph: LaneGraph, m: Array, first: Ints) -> Ints:
 
 
 def _spread(
-    table: LaneTable, graph: LaneGraph, now: Stretches, first: Ints, last: Ints, most: Array
-) -> Stretches:
-    """Everything that can be entered within one step, from `now`; y at most `most` (n,) [m]."""
+    table: LaneTable,
+    graph: LaneGraph,
+    now: Stretches,
+    first: Ints,
+    last: Ints,
+    most: Array,
+    gain: Array | float,
+) -> tuple[Stretches, Array]:
+    """Everything that can be entered within one step, from `now`; y at most `most` (n,) [m].
+
+    Also the least progress at the end of the step (n,): who stays on a lanelet, or changes to one
+    beside it on the same scale, makes `gain` [m].
+    """
     last = last[graph.segment]
     m, low, high = now.m, now.low, now.high
+    then = m + gain
     while True:
         begin = _begin(table, graph, m, first)
         here = begin <= last
         free = np.where(here, last, -1)
-        entered = _entered(table, graph, Stretches(m, low, high), begin, free, most)
-        if entered is None:
+        found = _entered(table, graph, Stretches(m, low, high), then, begin, free, most)
+        if found is None:
             break
+        entered, new_then = found
+        new_then = np.minimum(then, new_then)
         new_m = np.minimum(m, entered.m)
         new_low, new_high = np.minimum(low, entered.low), np.maximum(high, entered.high)
-        if (new_m == m).all() and (new_low == low).all() and (new_high == high).all():
+        old, new = (m, low, high, then), (new_m, new_low, new_high, new_then)
+        if all((a == b).all() for a, b in zip(old, new, strict=True)):
             break
-        m, low, high = new_m, new_low, new_high
-    return _where(here, Stretches(m, low, high))
+        m, low, high, then = new
+    return _where(here, Stretches(m, low, high)), np.where(here, then, np.inf)
 
 
 def _entered(
-    table: LaneTable, graph: LaneGraph, now: Stretches, begin: Ints, last: Ints, most: Array
-) -> Stretches | None:
+    table: LaneTable,
+    graph: LaneGraph,
+    now: Stretches,
+    then: Array,
+    begin: Ints,
+    last: Ints,
+    most: Array,
+) -> tuple[Stretches, Array] | None:
     """What can be entered from each node by one link, united by the node that is entered.
 
     Args:
+        then: (n,) least progress at the end of the step; given for the nodes entered, too.
         begin, last: (n,) the cells that each node can be left from; last -1: none.
         most: (n,) y is kept within this on both sides of each node [m].
     """
@@ -119,6 +151,7 @@ def _entered(
     parts = [
         (
             ends.target[rows],
+            np.full(len(rows), -np.inf),
             np.full(len(rows), -np.inf),
             now.low[source] + ends.lowest[rows],
             now.high[source] + ends.highest[rows],
@@ -138,11 +171,12 @@ def _entered(
         (
             sides.target[rows],
             np.where(sides.keeps_progress[rows], rear, -np.inf),
+            np.where(sides.keeps_progress[rows], np.maximum(then[source], rear), -np.inf),
             np.where(left, -widest, -inner),
             np.where(left, inner, widest),
         )
     )
-    target, m, low, high = (np.concatenate(x) for x in zip(*parts, strict=True))
+    target, m, later, low, high = (np.concatenate(x) for x in zip(*parts, strict=True))
     if not len(target):
         return None
     order = np.argsort(target, kind="stable")
@@ -152,9 +186,11 @@ def _entered(
     nodes = target[starts]
     bound = most[nodes]
     united.m[nodes] = np.minimum.reduceat(m[order], starts)
+    united_then = np.full(len(graph.segment), np.inf)
+    united_then[nodes] = np.minimum.reduceat(later[order], starts)
     united.low[nodes] = np.maximum(np.minimum.reduceat(low[order], starts), -bound)
     united.high[nodes] = np.minimum(np.maximum.reduceat(high[order], starts), bound)
-    return united
+    return united, united_then
 
 
 def _where(here: Mask, those: Stretches) -> Stretches:

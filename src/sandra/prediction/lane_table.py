@@ -151,6 +151,24 @@ class LaneTable:
             np.searchsorted(self._ahead, sought), self.cell[lanelet], self.cell[lanelet + 1]
         )
 
+    def pace(self) -> tuple[Array, Array]:
+        """(L,) and (L,): progress along a lane, and lost to motion across it, per way driven.
+
+        Who drives u along its lane and at most w across it makes at least pace u - drift w. Of
+        lanelets whose progress is on the same scale, those of the worst one.
+        """
+        pace, drift = np.array([_pace(x) for x in self.strips]).T
+        for strip in self.strips:
+            group = {strip.id}
+            todo = [strip.id]
+            for i in todo:
+                more = self.map.strips[i].shared - group
+                group |= more
+                todo += more
+            rows = [self.number[i] for i in group]
+            pace[rows], drift[rows] = pace[rows].min(), drift[rows].max()
+        return pace, drift
+
     def narrowest(self, lanelet: Ints, first: Ints, last: Ints) -> Array:
         """Smallest half width over cells first..last, first <= last [m]."""
         level = np.log2(last - first + 2).astype(int)
@@ -159,6 +177,37 @@ class LaneTable:
             self._narrowest[level, start], self._narrowest[level, end - (1 << level)]
         )
         return found
+
+
+def _pace(strip: Strip) -> tuple[float, float]:
+    """Of one lanelet, see `LaneTable.pace`.
+
+    In a cell progress is bilinear, as the point is: the gradient is a quotient of bilinear
+    functions, so its extremes are at the corners.
+    """
+    corners = np.stack([strip.right, strip.left], axis=1)
+    along, ahead = np.diff(corners, axis=0), np.diff(strip.progress, axis=0)
+    across, rise = strip.left - strip.right, strip.progress[:, 1] - strip.progress[:, 0]
+    course = np.diff(strip.centre, axis=0)
+    course /= np.maximum(np.hypot(*course.T), 1e-12)[:, None]
+    kink = np.abs(course[1:, 0] * course[:-1, 1] - course[1:, 1] * course[:-1, 0])
+    straight = (course[1:] * course[:-1]).sum(axis=1) > 0.0
+    sine = float(kink.max(initial=0.0))
+    lost, pace, swing = 0.0, np.inf, 0.0
+    for end in (slice(None, -1), slice(1, None)):
+        for side in (0, 1):
+            a, b, up, over = along[:, side], across[end], ahead[:, side], rise[end]
+            area = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+            if not (area > 1e-9).all() or not straight.all():
+                return 0.0, 0.0
+            x = (up * b[:, 1] - over * a[:, 1]) / area
+            y = (over * a[:, 0] - up * b[:, 0]) / area
+            on = x * course[:, 0] + y * course[:, 1]
+            off = np.abs(y * course[:, 0] - x * course[:, 1])
+            pace, swing = min(pace, float(on.min())), max(swing, float(on.max()))
+            lost = max(lost, float(off.max()))
+    cosine = float(np.sqrt(max(1.0 - sine**2, 0.0)))
+    return max(pace * cosine - lost * sine, 0.0), lost + max(swing, 0.0) * sine
 
 
 def _first(sizes: list[int]) -> Ints:

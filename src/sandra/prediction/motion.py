@@ -32,6 +32,13 @@ class Bounds:
     speed: float | None
     turning_radius: float = 0.0
     slip: float = 0.0
+    driving: float = math.inf
+    """The speed grows no faster; inf: no faster than `a_max`."""
+
+    def way(self, t: Array) -> Array:
+        """The longest way that can be driven by each time [m]; `speed` must be known."""
+        speed = np.array(abs(self.speed or 0.0))
+        return travelled(speed, min(self.a_max, self.driving), self.v_max, t)
 
 
 def travelled(speed: Array, a_max: float, v_max: float, t: Array) -> Array:
@@ -51,9 +58,33 @@ def position_offsets(state: State, bounds: Bounds, t: Array, normals: Array) -> 
         return np.asarray(centre[None, :] + bounds.v_max * t[:, None])
     velocity = bounds.speed * np.array([math.cos(state.heading), math.sin(state.heading)])
     along = normals @ velocity
-    return np.asarray(
-        centre[None, :] + travelled(along[None, :], bounds.a_max, bounds.v_max, t[:, None])
-    )
+    reached = travelled(along[None, :], bounds.a_max, bounds.v_max, t[:, None])
+    if bounds.driving < bounds.a_max:
+        reached = np.minimum(reached, bounds.way(t)[:, None])
+    return np.asarray(centre[None, :] + reached)
+
+
+def least_way(speed: float, braking: float, across: float, t: Array) -> Array:
+    """Shortest way along its lane by each time (K,), braking all the time [m].
+
+    Args:
+        speed: at time 0 [m/s]. braking: the speed falls no faster [m/s^2].
+        across: |speed across the lane| at most [m/s]; what is left goes along it.
+    """
+    across = max(across, 1e-6)
+    if speed <= across or not math.isfinite(across + braking):
+        return np.zeros_like(t)
+    if braking <= 0.0:
+        return np.asarray(math.sqrt(speed**2 - across**2) * t)
+    v = np.maximum(speed - braking * t, across)
+
+    def integral(v: Array) -> Array:
+        """Of sqrt(v^2 - across^2)."""
+        along = np.sqrt(np.maximum(v**2 - across**2, 0.0))
+        return np.asarray((v * along - across**2 * np.log((v + along) / across)) / 2)
+
+    way = (integral(np.array(speed)) - integral(v)) / braking
+    return np.asarray(np.maximum.accumulate(np.maximum(way, 0.0)))
 
 
 def heading_change(bounds: Bounds, t: Array) -> Array:
@@ -67,8 +98,7 @@ def heading_change(bounds: Bounds, t: Array) -> Array:
     if bounds.speed is None:
         return np.minimum(bounds.v_max * t / bounds.turning_radius, np.pi)
     speed = abs(bounds.speed)
-    arc = travelled(np.array(speed), bounds.a_max, bounds.v_max, t)
-    by_arc = arc / bounds.turning_radius
+    by_arc = bounds.way(t) / bounds.turning_radius
     ratio = bounds.a_max * t / speed if speed > 0 else np.full_like(t, np.inf)
     by_velocity = np.where(ratio < 1, np.arcsin(np.minimum(ratio, 1.0)) + bounds.slip, np.pi)
     return np.asarray(np.minimum(np.minimum(by_arc, by_velocity), np.pi))

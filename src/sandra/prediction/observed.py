@@ -41,6 +41,8 @@ class Observed:
     reversing: bool
     assumptions: tuple[str, ...]
     dropped: tuple[str, ...]
+    braking: float = math.inf
+    """On its lanes, its speed falls no faster [m/s^2]; inf: no bound."""
 
 
 def is_fixed(obstacle: Obstacle) -> bool:
@@ -63,6 +65,10 @@ def check_assumptions(assumptions: Assumptions) -> None:
         value = getattr(assumptions, name)
         if not (math.isfinite(value) and value >= 0.0):
             raise SettingsError(f"assumptions.{name} = {value!r} must be a finite number >= 0")
+    for name in ("max_braking", "max_driving"):
+        value = getattr(assumptions, name)
+        if not value >= 0.0:
+            raise SettingsError(f"assumptions.{name} = {value!r} must be a number >= 0")
 
 
 def motion_bounds(
@@ -86,7 +92,13 @@ def motion_bounds(
     if bounded:
         holds.append("bounded_heading")
     radius = a.min_turning_radius if bounded else 0.0
-    return Bounds(acceleration, fastest, speed, radius, a.max_slip_angle), holds, dropped
+    driving = math.inf
+    if speed is not None and obstacle.kind in LANE_KINDS and a.max_driving < acceleration:
+        broken = math.copysign(1.0, speed) * state.acceleration > a.max_driving
+        driving = math.inf if broken else a.max_driving
+        (dropped if broken else holds).append("max_driving")
+    bounds = Bounds(acceleration, fastest, speed, radius, a.max_slip_angle, driving)
+    return bounds, holds, dropped
 
 
 def observe(obstacle: Obstacle, state: State, lane_map: LaneMap, a: Assumptions) -> Observed:
@@ -108,7 +120,14 @@ def observe(obstacle: Obstacle, state: State, lane_map: LaneMap, a: Assumptions)
     if places and a.no_reversing:
         reversing = speed is not None and speed < -BACKWARDS
         (dropped if reversing else holds).append("no_reversing")
-    return Observed(bounds, places, lateral, reversing, tuple(holds), tuple(dropped))
+    braking = math.inf
+    # What is gone along a lane is known only of who follows lanes, forwards.
+    forwards = speed is not None and not reversing and math.isfinite(lateral)
+    if forwards and a.max_braking < bounds.a_max:
+        broken = state.acceleration < -a.max_braking
+        braking = math.inf if broken else a.max_braking
+        (dropped if broken else holds).append("max_braking")
+    return Observed(bounds, places, lateral, reversing, tuple(holds), tuple(dropped), braking)
 
 
 @dataclass(frozen=True, slots=True)

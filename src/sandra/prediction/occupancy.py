@@ -105,7 +105,7 @@ def _followed(
     Also names, for each vehicle, the assumptions that left something out.
     """
     rules = [
-        Rules(x.seen.places, x.seen.lateral_speed, x.seen.reversing, x.law.behind, segments)
+        Rules(x.seen.places, x.seen.lateral_speed, x.seen.reversing, x.law.behind, segments, x.ways)
         for x, segments in zip(vehicles, touched.segments, strict=True)
     ]
     graph = LaneGraph.of(table, rules, scope.ego_lane)

@@ -3,9 +3,10 @@
 After Koschi & Althoff, "Set-based prediction of traffic participants considering occlusions and
 traffic rules", 2020 (paper Sec. III-E). The occupancy of a vehicle is the intersection of
 
-* the acceleration-based set: |a| <= a_max in any direction, |v| <= v_max (`motion`);
-* the lane-based set: lanes of its own direction in reach, no reversing, bounded lateral speed
-  (`lane_sets`), all branches at forks;
+* the acceleration-based set: |a| <= a_max in any direction, |v| <= v_max, and no longer a way than
+  with `max_driving` (`motion`);
+* the lane-based set: lanes of its own direction in reach, no reversing, bounded lateral speed, no
+  shorter a way than with `max_braking` (`lane_sets`), all branches at forks;
 
 widened by the body at every heading it can have by then, and clipped at the carriageway's edge.
 Every step over-approximates; nothing is rounded inwards.
@@ -39,6 +40,7 @@ from sandra.prediction.motion import (
     bodies,
     circumscribed,
     heading_change,
+    least_way,
     position_offsets,
     travelled,
 )
@@ -202,7 +204,10 @@ def _plan(
     offsets[steps + 1 :], during[steps:] = -np.inf, -np.inf
     rows = np.concatenate([offsets, during])
     body = bodies(obstacle.outline, state.heading, heading_change(seen.bounds, times))
-    vehicle = Vehicle(seen, law, obstacle.outline, now, normals, rows, body, len(discs))
+    ways = None
+    if math.isfinite(seen.braking):
+        ways = np.diff(least_way(state.speed, seen.braking, seen.lateral_speed, times))
+    vehicle = Vehicle(seen, law, obstacle.outline, now, normals, rows, body, len(discs), ways)
     return _Plan(first, vehicle, discs)
 
 
@@ -213,8 +218,7 @@ def _discs(
     obstacle = likely.obstacle
     bounds, holds, dropped = motion_bounds(obstacle, state, assumptions)
     times: Array = dt * np.arange(horizon + 1, dtype=np.float64)
-    speed = bounds.v_max if bounds.speed is None else abs(bounds.speed)
-    radii = travelled(np.array(speed), bounds.a_max, bounds.v_max, times)
+    radii = bounds.way(times) if bounds.speed is not None else bounds.v_max * times
     radii = radii + circumscribed(obstacle.outline) + MARGIN
     centre = np.array([[state.x, state.y]])
     discs = tuple((Region(centre, radius),) for radius in radii.tolist())
@@ -256,5 +260,4 @@ def _first_seen(obstacle: Obstacle) -> tuple[int, State]:
     if present[0] or not present.any():
         return 0, obstacle.state
     first = int(present.argmax())
-    x, y, heading, speed = obstacle.states[first, :4].tolist()
-    return first, State(x, y, heading, speed)
+    return first, State(*obstacle.states[first, :5].tolist())

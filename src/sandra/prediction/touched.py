@@ -41,6 +41,8 @@ class Vehicle:
     """(h + 1, W, 2) batch of bodies around the origin, growing with each step [m]."""
     skipped: int = 0
     """So many of the first intervals nobody asks for."""
+    ways: Array | None = None
+    """(h,) way along its lane that it drives at least in each step [m]; None: 0."""
 
 
 def bodies_of(vehicles: Sequence[Vehicle], vehicle: Ints, row: Ints) -> Array:

@@ -13,6 +13,7 @@ from sandra.describe.types import Prompt
 from sandra.errors import RankerError
 from sandra.rankers.answer import select
 from sandra.rankers.bounded import run_within
+from sandra.rankers.progress import HORIZON, progress
 from sandra.rankers.types import Failure, Ranker, Ranking
 
 _PROGRESS = (
@@ -50,9 +51,9 @@ class RandomRanker:
 class ExhaustiveRanker:
     """No language model: every feasible pair is offered, in the order of a stated preference.
 
-    Progress first (accelerate, keep, decelerate, stop), then staying in the lane before changing
-    it, left before right. The only ranker that returns more than k pairs. The driver's command is
-    not read.
+    The farther a pair is estimated to bring the ego (`progress`), the earlier; of equals, progress
+    first (accelerate, keep, decelerate, stop), then staying in the lane before changing it, left
+    before right. The only ranker that returns more than k pairs. The driver's command is not read.
     """
 
     name: str = "exhaustive"
@@ -60,9 +61,12 @@ class ExhaustiveRanker:
     def rank(self, prompt: Prompt, deadline: float | None = None) -> Ranking:
         """See `Ranker`."""
         order = (ActionPair(lon, lat) for lon in _PROGRESS for lat in _LATERAL)
-        pairs = tuple(pair for pair in order if pair in prompt.feasible)
-        reasoning = "Every feasible pair: progress first, then the fewest lane changes."
-        return Ranking(pairs, self.name, reasoning=reasoning)
+        pairs = [pair for pair in order if pair in prompt.feasible]
+        way = {pair: progress(prompt.situation, pair) for pair in pairs}
+        pairs.sort(key=lambda pair: -round(way[pair], 1))
+        told = ", ".join(f"{pair} {way[pair]:.0f} m" for pair in pairs[:3])
+        reasoning = f"Every feasible pair by its estimated progress within {HORIZON:g} s: {told}."
+        return Ranking(tuple(pairs), self.name, reasoning=reasoning)
 
 
 _MOST_PAIRS = 100

@@ -207,6 +207,12 @@ def test_who_breaks_an_assumption_is_caught() -> None:
 
     assert "max_acceleration" in breaches(a_max=13.0)
     assert "max_lateral_speed" in breaches(lateral=6.0)
+    listed = actor
+    actor = replace(listed, braking=5.0, driving=3.0)
+    assert not {"max_braking", "max_driving"} & breaches()
+    assert "max_braking" in breaches(braking=5.5)
+    assert "max_driving" in breaches(driving=3.5)
+    actor = listed
     assert "legal_cut_in" in breaches(listed=actor.listed - {"legal_cut_in"})
     slow = replace(actor, v_max=15.0)
     motion = simulate([actor] * len(kinds), wanted, routes, drive, ego, c.settings)

@@ -44,16 +44,18 @@ def braking(scene: Scene) -> Drive:
     return Drive(h, states, np.full(len(v) - 1, -4.0), body, fine, fine, 0.0)
 
 
-def escapes(scene: Scene, count: int, predicted: Settings = OPEN) -> tuple[int, int]:
+def escapes(
+    scene: Scene, count: int, predicted: Settings = OPEN, driven: Settings = OPEN
+) -> tuple[int, int]:
     """(how many bodies at fine steps lie outside their sets, how many were looked at).
 
-    The others keep `OPEN`; the sets are made with `predicted`.
+    The others keep `driven`; the sets are made with `predicted`.
     """
     sets = predict(scene, "set-based", STEPS, predicted).obstacles
-    allowed = {x.obstacle.id: x for x in predict(scene, "set-based", STEPS, OPEN).obstacles}
+    allowed = {x.obstacle.id: x for x in predict(scene, "set-based", STEPS, driven).obstacles}
     c = replace(
         stopping(two_lanes()),
-        settings=OPEN,
+        settings=driven,
         obstacles=tuple(
             Participant(
                 x.obstacle.id,
@@ -84,10 +86,10 @@ def escapes(scene: Scene, count: int, predicted: Settings = OPEN) -> tuple[int, 
         them = [actor] * len(kinds)
         if actor.moves == LANES:
             ego = Ego.of(drive, road, scene.ego.length)
-            motion = simulate(them, wanted, routes, drive, ego, OPEN)
+            motion = simulate(them, wanted, routes, drive, ego, driven)
         else:
             motion = wander(them, wanted, drive)
-        judged = judge(actor, motion, np.arange(len(kinds)), drive, road, OPEN)
+        judged = judge(actor, motion, np.arange(len(kinds)), drive, road, driven)
         found = _outside(by_id[actor.id], motion, judged.step, actor.appears, drive.per_dt)
         outside, looked = outside + found[0], looked + found[1]
     return outside, looked
@@ -141,6 +143,32 @@ def test_smaller_sets_are_left() -> None:
     for bound in ({"max_acceleration": 11.0}, {"max_lateral_speed": 2.0}):
         less = Settings(assumptions=replace(OPEN.assumptions, **bound))
         assert escapes(scene, 24, less)[0] > 0
+
+
+MILD = Settings(assumptions=replace(OPEN.assumptions, max_braking=5.0, max_driving=3.0))
+"""Others that brake with 5 and drive with 3 m/s^2 at most, and steer with 12."""
+
+
+@pytest.mark.parametrize("name", ["merge", "recorded-ego", "highway-dense"])
+def test_who_brakes_and_drives_within_bounds_of_their_own(name: str) -> None:
+    scene = load(examples()[name])
+    outside, looked = escapes(scene, 24, MILD, MILD)
+    assert outside == 0
+    assert looked > 3000
+
+
+def test_each_bound_is_what_holds_them() -> None:
+    """Predicted with a little less of either bound, they leave their sets."""
+    scene = load(examples()["highway-dense"])
+    for bound in ({"max_braking": 3.0}, {"max_driving": 2.0}):
+        less = Settings(assumptions=replace(MILD.assumptions, **bound))
+        assert escapes(scene, 24, less, MILD)[0] > 0
+
+
+@pytest.mark.soundness
+@pytest.mark.parametrize("name", [n for n in examples() if n != "nothing-safe"])
+def test_many_that_brake_and_drive_within_bounds(name: str) -> None:
+    assert escapes(load(examples()[name]), 400, MILD, MILD)[0] == 0
 
 
 @pytest.mark.soundness

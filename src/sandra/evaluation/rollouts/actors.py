@@ -40,6 +40,9 @@ class Actor:
     turning_radius: float
     slip: float
     speed_is_known: bool
+    braking: float = math.inf
+    driving: float = math.inf
+    """Its speed falls, and grows, no faster [m/s^2]."""
 
     @property
     def keeps_out(self) -> bool:
@@ -107,6 +110,8 @@ def actors_of(c: Certificate, scene: Scene, drive: Drive, road: Road) -> tuple[A
                 a.min_turning_radius if "bounded_heading" in listed else 0.0,
                 a.max_slip_angle,
                 obstacle.speed_is_known,
+                a.max_braking if "max_braking" in listed else math.inf,
+                a.max_driving if "max_driving" in listed else math.inf,
             )
         )
     return tuple(found)

@@ -98,6 +98,9 @@ def _dynamics(
     strong = np.hypot(push[..., 0], push[..., 1]) > actor.a_max + TOLERANCE
     found.add(every, both & (jumps | strong), step, "max_acceleration")
     speed = np.hypot(v[..., 0], v[..., 1])
+    gain = np.diff(speed, axis=0) / h
+    found.add(every, both & (gain < -actor.braking - TOLERANCE), step, "max_braking")
+    found.add(every, both & (gain > actor.driving + TOLERANCE), step, "max_driving")
     found.add(every, there & (speed > actor.v_max + TOLERANCE), np.arange(len(p)), "max_speed")
     if actor.turning_radius > 0.0:
         way = np.cumsum(np.hypot(*np.moveaxis(np.diff(p, axis=0), -1, 0)), axis=0)

@@ -178,8 +178,9 @@ def _route(
     cap = np.minimum(np.sqrt(EASY * actor.a_max / np.maximum(bend, 1e-6)), actor.v_max)
     if np.isfinite(actor.lateral):
         cap = np.minimum(cap, 0.7 * actor.lateral / np.maximum(np.sin(kink), 1e-3))
+    slows = min(EASY * actor.a_max, 0.9 * actor.braking)
     for i in range(len(cap) - 2, -1, -1):
-        cap[i] = min(cap[i], np.sqrt(cap[i + 1] ** 2 + 2 * EASY * actor.a_max * SPACING))
+        cap[i] = min(cap[i], np.sqrt(cap[i + 1] ** 2 + 2 * slows * SPACING))
     low, high, closed_low, closed_high = (np.empty(len(stations)) for _ in range(4))
     for i in dict.fromkeys(lanelet.tolist()):
         rows = lanelet == i

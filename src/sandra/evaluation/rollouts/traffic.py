@@ -86,10 +86,13 @@ def simulate(
     """Drive N vehicles; `actors` has one entry per row of `plans`."""
     n, steps, h = len(actors), len(drive.states), drive.step
     a = settings.assumptions
-    a_max, v_max, lateral, slip, half_length, half_width = (
+    a_max, braking, driving, v_max, lateral, slip, half_length, half_width = (
         np.array([getattr(x, name) for x in actors])
-        for name in ("a_max", "v_max", "lateral", "slip", "length", "width")
+        for name in (
+            *("a_max", "braking", "driving", "v_max", "lateral", "slip", "length", "width"),
+        )
     )
+    braking, driving = np.minimum(NEARLY * braking, a_max), np.minimum(NEARLY * driving, a_max)
     half_length, half_width = half_length / 2, half_width / 2
     tightest = np.array([max(x.turning_radius, 0.5) for x in actors])
     keeps_out = np.array([x.keeps_out for x in actors])
@@ -170,7 +173,9 @@ def simulate(
         bound = np.minimum(0.9 * a_max, 0.95 * speed**2 / tightest)
         a_side = np.clip(a_side, -bound, bound)
         rest = np.sqrt(np.maximum((NEARLY * a_max) ** 2 - a_side**2, 0.0))
-        a_long = np.clip(push * a_max, -rest, rest)
+        # Pushes are shares of what is allowed: extreme ones meet the bounds.
+        a_long = push * np.where(push < 0.0, braking, driving)
+        a_long = np.clip(a_long, -rest, rest)
         soon = np.clip(i + np.ceil(speed * h / SPACING).astype(int) + 1, 0, last)
         top = np.minimum(routes.cap[r, soon], v_max)
         # Where the lane ends, and the way beside it is not free, it stops.
@@ -181,7 +186,8 @@ def simulate(
         yielding[k] = follows
         slow = slow - np.where(room < 0.0, 3.0, 0.0)
         top = np.where(follows, np.minimum(top, slow), top)
-        a_long = np.clip(np.minimum(a_long, (top - speed) / h), -rest, rest)
+        least = -np.minimum(rest, braking)
+        a_long = np.clip(np.minimum(a_long, (top - speed) / h), least, rest)
         a_long = np.maximum(a_long, -speed / h)
         then = speed + a_long * h
         most = np.tan(np.minimum(0.95 * h * (speed + then) / 2 / tightest, 1.0)) * then / h
@@ -190,7 +196,8 @@ def simulate(
         cos, sin = np.cos(theta), np.sin(theta)
         new = v + h * np.column_stack([a_long * cos - a_side * sin, a_long * sin + a_side * cos])
         # The projection onto the disc of allowed speeds moves no two points farther apart.
-        new *= np.minimum(1.0, v_max / np.maximum(np.hypot(*new.T), 1e-9))[:, None]
+        fastest = np.minimum(v_max, np.maximum(speed + driving * h, 0.0))
+        new *= np.minimum(1.0, fastest / np.maximum(np.hypot(*new.T), 1e-9))[:, None]
         new[then < 1e-9] = 0.0
         new = np.where(moving[:, None], new, v)
         p = np.where(moving[:, None], p + h * (v + new) / 2, p)
