@@ -53,9 +53,7 @@ def outside(
     fine = 4
     # The map's borders are chords of its arcs, and lie up to 0.016 m within them.
     overhang = a.max_overhang - (0.0 if np.isinf(course.radius) else 0.02)
-    poses, valid = drive(
-        course, start, steps, 0.1, count, seed=count, fine=fine, overhang=overhang
-    )
+    poses, valid = drive(course, start, steps, 0.1, count, seed=count, fine=fine, overhang=overhang)
     marks = np.vstack([CAR.vertices, [[2.25, 0.0], [-2.25, 0.0]]])
     missing = looked = 0
     for j in range(len(poses)):

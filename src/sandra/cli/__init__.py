@@ -17,6 +17,7 @@ from sandra.cli import (
     decide,
     demo,
     evaluate,
+    film,
     monitor,
     prompt,
     scenarios,
@@ -58,6 +59,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"sandra {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    for each in (decide, verify, prompt, certificate, monitor, evaluate, bench, scenarios, demo):
+    rooms = (decide, verify, prompt, certificate, monitor, film, evaluate, bench, scenarios, demo)
+    for each in rooms:
         each.add(commands)
     return parser
