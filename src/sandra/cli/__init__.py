@@ -16,6 +16,7 @@ from sandra.cli import (
     certificate,
     decide,
     demo,
+    drive,
     evaluate,
     film,
     monitor,
@@ -59,7 +60,8 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"sandra {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    rooms = (decide, verify, prompt, certificate, monitor, film, evaluate, bench, scenarios, demo)
-    for each in rooms:
+    deciding = (decide, verify, drive, prompt, certificate)
+    watching = (monitor, film, evaluate, bench, scenarios, demo)
+    for each in (*deciding, *watching):
         each.add(commands)
     return parser
