@@ -74,12 +74,13 @@ def test_fail_safe_steps_are_told_apart():
     assert not play(highway(1, "paper"), 2421, policy("slower"), steps=5).fail_safe.any()
 
 
-def test_the_oracle_leaves_the_world_alone_and_keeps_its_promise():
+@pytest.mark.parametrize("cautious", [0, 1])
+def test_the_oracle_leaves_the_world_alone_and_keeps_its_promise(cautious):
     """What it found is what happens; the world that it looked ahead in is where it was."""
     world = highway(2, "paper")
     world.reset(5838)
     before = [(*v.position, v.speed) for v in world.env.road.vehicles]
-    plan = search(world, 8, 2)
+    plan = search(world, 8, 2, cautious=cautious)
     assert [(*v.position, v.speed) for v in world.env.road.vehicles] == before
     assert world.ticks == 0
     assert len(plan) == 8
