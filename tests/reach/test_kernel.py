@@ -7,7 +7,7 @@ from math import inf
 import numpy as np
 import pytest
 
-from sandra.reach import Lattice, Piece, Problem, ReachableSet
+from sandra.reach import Lattice, Piece, Problem, ReachableSet, twin
 from sandra.reach.kernel import _restricted, reachable_set
 from sandra.reach.moves import UNBOUNDED, Interval, Move, Moves
 from sandra.reach.polygon import range_x, range_y
@@ -332,3 +332,26 @@ def test_moves_after_one_that_is_out_of_reach_count_as_well() -> None:
             problem(moves=Moves(0, (row, ()), ((Move(-1, (), (-1.0, 1.0)),), ()), live))
         )
         assert [[b.label for b in step] for step in found.steps] == [[0], [0], [-1]]
+
+
+@pytest.mark.parametrize(
+    ("columns", "apart", "count"),
+    [(39, 1, 2), (40, 1, 1), (79, 1, 1), (79, 2, 2), (80, 2, 1), (80, 3, 2), (160, 3, 2)],
+)
+def test_the_narrower_a_set_the_more_exact_is_its_cover(
+    columns: int, apart: int, count: int
+) -> None:
+    """Two rows of cells, of which one is forbidden at its end: a box, or two."""
+    lattice = Lattice(0.0, 0.0, 0.25, 0.25, 200, 2)
+    forbidden = np.zeros((200, 2), dtype=bool)
+    forbidden[columns - apart :, 1] = True
+    end = columns * 0.25 - 0.1
+    wide = problem(
+        horizon=0,
+        lon=[(0.1, 1.0), (end, 1.0), (end, 2.0), (0.1, 2.0)],
+        lat=[(0.1, 0.0), (0.4, 0.0), (0.4, 0.1), (0.1, 0.1)],
+        lattice=lattice,
+        forbidden=(forbidden,),
+    )
+    assert [len(step) for step in reachable_set(wide).steps] == [count]
+    assert [len(step) for step in twin.reachable_set(wide).steps] == [count]

@@ -390,11 +390,11 @@ def test_of_edges_that_add_the_same_area_the_first_goes(monkeypatch: pytest.Monk
     cut_off = [(1.0, 0.0), (2.0, 0.0), (3.0, 1.0), (3.0, 2.0)]
     cut_off += [(2.0, 3.0), (1.0, 3.0), (0.0, 2.0), (0.0, 1.0)]
     monkeypatch.setattr(module, "MAX_CORNERS", 7)
-    assert limit_corners(cut_off) == [(1.5, -0.5), *cut_off[2:]]
+    assert limit_corners(cut_off) == [(1.0, 0.0), (3.0, 0.0), *cut_off[3:]]
     # from the last corner to the first
-    rest = [(3.0, 1.0), (3.0, 2.0), (1.5, 3.5), (0.0, 2.0), (0.0, 1.0)]
-    monkeypatch.setattr(module, "MAX_CORNERS", 6)
-    assert limit_corners([(2.0, 0.0), *rest, (1.0, 0.0)]) == [(1.5, -0.5), *rest]
+    rest = [(3.0, 3.0), (0.0, 3.0), (0.0, 0.0)]
+    monkeypatch.setattr(module, "MAX_CORNERS", 4)
+    assert limit_corners([(3.0, 1.0), *rest, (2.0, 0.0)]) == [(3.0, 0.0), *rest]
 
 
 def test_a_new_corner_is_within_the_range_of_its_edge() -> None:
@@ -404,3 +404,19 @@ def test_a_new_corner_is_within_the_range_of_its_edge() -> None:
     assert _extension(*((3.0 - x, y) for x, y in upright[::-1])) == (0.5, (0.0, 0.0))
     leaning = [(0.0, 0.0), (2.0, 0.0), (3.0, 1.0), (2.5, 2.0)]
     assert _extension(*leaning)[0] == np.inf
+    # the same along y
+    for edge, found in ((upright, (0.5, (0.0, 3.0))), (leaning, None)):
+        area, corner = _extension(*((y, x) for x, y in edge[::-1]))
+        assert area == np.inf if found is None else (area, corner) == found
+
+
+def test_positions_and_speeds_of_a_free_set_are_exact_for_ever() -> None:
+    """However many edges are dropped: both grow as constant acceleration makes them."""
+    polygon, dt = [(0.0, 10.0)], 0.1
+    for k in range(1, 81):
+        polygon = propagate(polygon, -6.0, 4.0, dt)
+        t = k * dt
+        assert len(polygon) <= MAX_CORNERS
+        assert range_y(polygon) == pytest.approx((10.0 - 6.0 * t, 10.0 + 4.0 * t), abs=1e-9)
+        expected = (10.0 * t - 3.0 * t * t, 10.0 * t + 2.0 * t * t)
+        assert range_x(polygon) == pytest.approx(expected, abs=1e-9)

@@ -17,6 +17,7 @@ from sandra.cli import (
     conformance,
     decide,
     demo,
+    drive,
     evaluate,
     monitor,
     prompt,
@@ -59,10 +60,10 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"sandra {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    every = (
-        *(decide, verify, prompt, certificate, monitor, conformance),
+    rooms = (
+        *(decide, verify, drive, prompt, certificate, monitor, conformance),
         *(evaluate, bench, scenarios, demo),
     )
-    for each in every:
+    for each in rooms:
         each.add(commands)
     return parser

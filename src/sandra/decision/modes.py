@@ -48,10 +48,13 @@ def rank_first(
     clock.tell("rank")
     ranking = waiting.result()
     clock.durations["rank"] = waiting.duration
-    with clock.stage("verify"):
-        verdicts = _verified(judge, ranking.pairs, walk)
-    with clock.stage("plan"):
-        verdicts = _certified(judge, verdicts, ranking.pairs, walk)
+    if walk == "first":
+        verdicts = _up_to_the_first(judge, ranking.pairs, clock)
+    else:
+        with clock.stage("verify"):
+            verdicts = _verified(judge, ranking.pairs, walk)
+        with clock.stage("plan"):
+            verdicts = _certified(judge, verdicts, ranking.pairs, walk)
     return Walked(prompt, ranking, verdicts, judge)
 
 
@@ -108,13 +111,24 @@ def _in_order(verdicts: Sequence[Verdict], ranked: Sequence[ActionPair]) -> tupl
 
 
 def _verified(judge: Judge, ranked: Sequence[ActionPair], walk: str) -> tuple[Verdict, ...]:
-    found: list[Verdict] = []
-    for pair in ranked:
-        found += judge.verify([pair])
-        if walk == "first" and found[-1].first_empty_step is None:
-            break
+    found = judge.verify(ranked)
     if walk == "all":
         found += judge.verify([pair for pair in ALL_PAIRS if pair not in ranked])
+    return found
+
+
+def _up_to_the_first(
+    judge: Judge, ranked: Sequence[ActionPair], clock: Clock
+) -> tuple[Verdict, ...]:
+    """Verify, and certify where that is asked for, one after the other until one holds."""
+    found: list[Verdict] = []
+    for pair in ranked:
+        with clock.stage("verify"):
+            (verdict,) = judge.verify([pair])
+        with clock.stage("plan"):
+            found.append(judge.certify(verdict))
+        if judge.holds(found[-1]):
+            break
     return tuple(found)
 
 

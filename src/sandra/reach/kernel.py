@@ -28,6 +28,8 @@ from sandra.reach.sets import BaseSet, ReachableSet
 
 COVER_TOLERANCE = 2
 """Cells by which neighbouring rows may differ and still be covered by one box (it only grows)."""
+EXACT_BELOW = 40
+"""A cell of that tolerance for so many columns of a group: a narrow one is covered exactly."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +113,7 @@ def _covered(
             window[a - i0 : b - i0, c - j0 : d - j0] = True
         contested[i0:i1, j0:j1] |= window
         window &= ~problem.forbidden[k][i0:i1, j0:j1]
-        for a, b, c, d in boxes(window, COVER_TOLERANCE):
+        for a, b, c, d in boxes(window, min(COVER_TOLERANCE, (i1 - i0) // EXACT_BELOW)):
             box = (a + i0, b + i0, c + j0, d + j0)
             candidate = _joined(problem, box, members, touched)
             if candidate is not None:

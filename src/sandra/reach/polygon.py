@@ -17,7 +17,7 @@ EPS = 1e-9
 PARALLEL = 1e-12
 """Corners whose distances to the side differ by no more lie on one line [m^2/s]."""
 
-MAX_CORNERS = 20
+MAX_CORNERS = 16
 """Above this number of corners, edges are dropped outwards."""
 
 
@@ -149,7 +149,7 @@ def limit_corners(polygon: Polygon) -> Polygon:
     """At most `MAX_CORNERS` corners; an edge is dropped by extending its two neighbours outwards.
 
     The edge whose removal adds the least area goes first; none whose removal would widen the range
-    of x, the position.
+    of x or y: what is faster is farther out a step later.
     """
     while len(polygon) > MAX_CORNERS:
         best, at, corner = inf, -1, (0.0, 0.0)
@@ -182,6 +182,8 @@ def _extension(p: Point, q: Point, r: Point, t: Point) -> tuple[float, Point]:
         return inf, q
     x, y = q[0] + lam * ux, q[1] + lam * uy
     if not min(q[0], r[0]) <= x <= max(q[0], r[0]):
+        return inf, q
+    if not min(q[1], r[1]) <= y <= max(q[1], r[1]):
         return inf, q
     area = abs((r[0] - q[0]) * (y - q[1]) - (r[1] - q[1]) * (x - q[0])) / 2
     return area, (x, y)

@@ -22,6 +22,7 @@ from sandra.evaluation.conformance import Conformance, conformance, recordings_i
 from sandra.evaluation.conformance.measure import UNITS
 from sandra.prediction import predict
 from sandra.scenarios import example
+from sandra.scene import load
 from sandra.scene.types import Obstacle, Region, Scene
 from sandra.settings import Assumptions, Settings
 
@@ -172,7 +173,7 @@ def test_who_keeps_everything_breaks_nothing() -> None:
     ("gap", "legal"), [(8.35, True), (8.25, False), (-12.0, True), (-2.0, False)]
 )
 def test_a_cut_in_is_legal_at_the_safe_distance_or_behind(gap: float, legal: bool) -> None:
-    """d_safe = 8.1667 m, and 0.1345 m for its turned corner; the body has a length of 4.5 m and appears 1.1 s after it set out."""
+    """d_safe = 8.1667 m, and 0.1345 m for the corner of a turned body."""
     finding = judged(*entering(gap), assumptions=LOOSE)["legal_cut_in"]
     assert (finding.broken_steps == 0) is legal
 
@@ -217,6 +218,31 @@ def test_bodies_that_touch_have_crashed() -> None:
     assert found["max_acceleration"].broken_steps == 0
     assert found.sources[0].crashed_steps > 0
     assert "after a crash left out" in str(found)
+
+
+def test_a_run_folder_marks_its_crashes(tmp_path: Path) -> None:
+    path = tmp_path / "scenario.xml"
+    path.write_bytes(example("recorded-ego").read_bytes())
+    whole = conformance([path]).sources[0]
+    number = load(path).obstacles[0].id
+    (tmp_path / "metrics.json").write_text(json.dumps({"crashed": {str(number): 10, "99999": 3}}))
+    marked = conformance([path]).sources[0]
+    assert marked.crashed_steps == whole.steps - marked.steps > 0
+
+
+def test_every_so_many_seconds() -> None:
+    """At every second step of a car that speeds up and slows down by turns."""
+    speed = 10.0 + np.arange(N) % 2
+    scene = recorded(car(ROAD, 7, rows(ROAD, 10.5 * T, 0.0, speed)))
+    assert conformance([scene])["max_driving"].worst == pytest.approx(5.0)
+    found = conformance([scene], step=0.4, horizon=3)
+    assert found["max_driving"].worst == pytest.approx(0.0)
+    assert found["max_speed"].steps == N // 2
+    assert found.sources[0].dt == pytest.approx(0.4)
+    swerve = rows(ROAD, 10.0 * T, 0.0, np.where(np.arange(N) == 6, 20.0, 10.0))
+    where = conformance([recorded(car(ROAD, 7, swerve))], step=0.4)["max_driving"].where
+    assert where is not None
+    assert where.step == 6
 
 
 @pytest.mark.parametrize("mark", [{"8": 3}, {"7": -1}, {"7": "x"}, [7], {"x": 2}])
@@ -377,7 +403,7 @@ def test_who_keeps_the_assumptions_is_covered_who_does_not_is_not_asked() -> Non
 def test_coverage_can_fail() -> None:
     """Positions that run away from the speeds, where so much noise is granted."""
     ghost = car(ROAD, 7, rows(ROAD, 60.0 * T, 0.0, 10.0))
-    assert judged(ghost)["max_acceleration"].worst == pytest.approx(4 * 9.98 / DT**2)
+    assert judged(ghost)["max_acceleration"].worst == pytest.approx(2 * 9.98 / DT**2)
     found = judged(ghost, horizon=6, every=5, noise=20.0)
     assert found.coverage is not None
     assert found.coverage.missed[0] == (7, 0, 1)
@@ -394,6 +420,8 @@ def test_input_that_cannot_be_judged(tmp_path: Path) -> None:
         judged(calm(), towards="me")
     with pytest.raises(SettingsError, match="noise"):
         judged(calm(), noise=-0.1)
+    with pytest.raises(SettingsError, match="step"):
+        judged(calm(), step=-0.1)
     with pytest.raises(SettingsError, match="horizon"):
         judged(calm(), horizon=-1)
     with pytest.raises(ScenarioError, match="no recorded vehicle moves"):

@@ -15,7 +15,7 @@ from sandra.errors import ScenarioError, SettingsError
 from sandra.evaluation.conformance.coverage import Coverage, coverage
 from sandra.evaluation.conformance.measure import Finding, amounts, findings
 from sandra.evaluation.conformance.motion import position_error
-from sandra.evaluation.conformance.recording import Recording, marked_crashes, recording
+from sandra.evaluation.conformance.recording import CRASHED, Recording, marked_crashes, recording
 from sandra.evaluation.conformance.report import Conformance, Source
 from sandra.evaluation.workers import Broken, in_order
 from sandra.scene import load
@@ -49,6 +49,7 @@ class _Options:
     horizon: int
     every: int
     noise: float
+    step: float
 
 
 def conformance(
@@ -61,6 +62,7 @@ def conformance(
     horizon: int = 0,
     every: int = 10,
     noise: float = 0.02,
+    step: float = 0.0,
     workers: int = 1,
     progress: Callable[[str], None] = lambda words: None,
 ) -> Conformance:
@@ -76,6 +78,8 @@ def conformance(
         horizon: steps for which sets are predicted and compared (coverage); 0: none.
         every: predict from every so many steps of a recording.
         noise: recorded positions may be off by so much in a step [m].
+        step: look at every so many seconds of a recording, e.g. at the steps that are verified, as
+            near as it allows; 0: at all its steps.
         workers: processes; 0 for one on each core.
 
     Raises:
@@ -86,10 +90,11 @@ def conformance(
         raise SettingsError(f"towards = {towards!r}: choose from {', '.join(TOWARDS)}")
     if horizon < 0 or every < 1:
         raise SettingsError(f"horizon = {horizon} must be >= 0, every = {every} at least 1")
-    if not 0.0 <= noise < math.inf:
-        raise SettingsError(f"noise = {noise} must be a finite number >= 0")
+    for name, value in (("noise", noise), ("step", step)):
+        if not 0.0 <= value < math.inf:
+            raise SettingsError(f"{name} = {value} must be a finite number >= 0")
     settings = Settings() if settings is None else settings
-    options = _Options(settings, towards, touching, horizon, every, noise)
+    options = _Options(settings, towards, touching, horizon, every, noise, step)
     marked = crashed or {}
     items = [_Item(x, {}) for x in recordings]
     items = [_Item(x.given, dict(marked.get(x.name, {}))) for x in items]
@@ -152,8 +157,13 @@ def _judged(options: _Options, item: _Item) -> tuple[Source, list[Finding], Cove
         path = Path(given)
         scene = load(path, settings=options.settings)
         digest = hashlib.sha256(path.read_bytes()).hexdigest()
-        crashed = {**marked_crashes(path), **crashed}
-    made = recording(scene, crashed, touching=options.touching)
+        # A run folder marks whoever the simulation had, seen here or not.
+        ids = {scene.ego.id, *(o.id for o in scene.obstacles)}
+        marked = marked_crashes(path)
+        if not path.with_suffix(CRASHED).exists():
+            marked = {i: at for i, at in marked.items() if i in ids}
+        crashed = {**marked, **crashed}
+    made = recording(scene, crashed, touching=options.touching, step=options.step)
     values, off = amounts(made, options.settings, options.towards, options.noise)
     found = findings(made, item.name, values, options.settings.assumptions)
     cover = None

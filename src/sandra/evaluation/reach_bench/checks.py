@@ -178,6 +178,16 @@ def check_alive(own: Sequence[float], matched: Sequence[float]) -> None:
             )
 
 
+def check_nothing_lost(share: float) -> None:
+    """Our set holds every position to which trajectories were driven.
+
+    Raises:
+        NotTheSame: if it lacks a share of them.
+    """
+    if share > 0.0:
+        raise NotTheSame(f"our set lacks {share:.2%} of the positions on trajectories")
+
+
 def check_areas(ours: Sequence[float], peers: Sequence[float], tolerance: float) -> Areas:
     """Our areas beside the peer's at matched resolution, on the same forbidden cells.
 

@@ -107,6 +107,12 @@ def beyond_the_road(base: Ground) -> list[Rectangle]:
     return [*_boxes(base, base.off_road), *around]
 
 
+def in_our_frame(base: Ground, found: list[list[float]]) -> list[Rectangle]:
+    """Boxes (s_low, d_low, s_high, d_high) in the peer's frame, as our rectangles."""
+    start = reference_line(base)[1]
+    return [(a + start, b + start, c, d) for a, c, b, d in found]
+
+
 def _boxes(base: Ground, mask: Mask) -> list[Rectangle]:
     start = reference_line(base)[1]
     found = [base.lattice.bounds(box) for box in boxes(mask)]

@@ -11,10 +11,16 @@ from typing import Any
 from sandra.actions import ActionPair
 from sandra.evaluation.reach_bench import checks as check
 from sandra.evaluation.reach_bench.frames import framed
-from sandra.evaluation.reach_bench.hand_over import beyond_the_road, forbidden_boxes, problem_of
+from sandra.evaluation.reach_bench.hand_over import (
+    beyond_the_road,
+    forbidden_boxes,
+    in_our_frame,
+    problem_of,
+)
 from sandra.evaluation.reach_bench.ours import OurTimes, free_set, prepare, time_ours
 from sandra.evaluation.reach_bench.peer import Peer, PeerError
 from sandra.evaluation.reach_bench.rows import Checks, Ours, Peers, Report, Row
+from sandra.evaluation.reach_bench.seen import seen
 from sandra.reach import Ground, ReachableSet, twin
 from sandra.scene import load
 from sandra.scene.types import Scene
@@ -200,9 +206,21 @@ def _checked(base: Ground, found: ReachableSet, peer: Peer, tolerance: float) ->
     matched = tuple(step["area"] for step in steps)
     check.check_alive([step["area"] for step in own], matched)
     areas = check.check_areas(_areas(found), matched, tolerance)
+    boxes = [in_our_frame(base, step["boxes"]) for step in steps]
+    driven = seen(base, found, boxes, matched)
+    check.check_nothing_lost(driven.lost_by_us)
     finer = base.settings.replace(cell_s=cell_s / FINER, cell_d=cell_d / FINER)
     fine = check.Areas.of(_areas(free_set(prepare(base.scene, finer))), matched)
-    return Checks(share, matched, spent, areas.largest, areas.smallest, fine.largest)
+    return Checks(
+        share,
+        matched,
+        spent,
+        areas.largest,
+        areas.smallest,
+        fine.largest,
+        driven.ratio,
+        driven.lost_by_peer,
+    )
 
 
 def _areas(found: ReachableSet) -> tuple[float, ...]:

@@ -50,6 +50,8 @@ class Checks:
         matched_time: what that took, once [s].
         largest, smallest: our area over the matched one, extremes over the steps.
         finer: the largest such ratio for our set on cells of a quarter of the size, both ways.
+        seen: the largest ratio of our area to what the matched set covers or trajectories visit.
+        lost: the share of positions on trajectories that are not in the matched set; ours has all.
     """
 
     obstacles: float
@@ -58,6 +60,8 @@ class Checks:
     largest: float
     smallest: float
     finer: float
+    seen: float
+    lost: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,7 +151,7 @@ _HEAD = (
     f"{'process CPU [ms]':<34} | {'ours':^52} | {'peer':^23} | {'peer / ours':^17} | area\n"
     f"{'scenario':<28} {'h':>3}  |{'predict':>8}{'ground':>8}{'forbid':>8}{'free':>8}{'pair':>8}"
     f"{'all 12':>8}{'sets':>6}|{'check':>8}{'free':>10}{'sets':>6} |"
-    f"{'free':>6}{'all 12':>7}{'fb.':>5} | matched, finer"
+    f"{'free':>6}{'all 12':>7}{'fb.':>5} | matched, finer, seen"
 )
 
 
@@ -163,7 +167,7 @@ def _lines(row: Row) -> list[str]:
         found = row.ratios
         text += f"{found['free']:6.1f}{found['every']:7.2f}{found['prepare']:5.1f} | "
     if row.checks is not None:
-        text += f"{row.checks.largest:.3f}, {row.checks.finer:.3f}"
+        text += f"{row.checks.largest:.3f}, {row.checks.finer:.3f}, {row.checks.seen:.3f}"
     lines = [text]
     if row.refused:
         lines.append(f"    not timed against the peer: {row.refused}")

@@ -10,6 +10,7 @@
 namespace sandra {
 
 constexpr int COVER_TOLERANCE = 2;
+constexpr int EXACT_BELOW = 40;
 
 // Cells along s as bits, one row of words per row of cells; one such mask per step.
 struct Field {
@@ -187,6 +188,7 @@ class Kernel {
             contested_[offset + w] |= window_[w];
             window_[w] &= ~forbidden[offset + w];
         }
+        tolerance_ = std::min(COVER_TOLERANCE, (all.i1 - all.i0) / EXACT_BELOW);
         boxes(all.j0, all.j1);
         for (const Box &box : boxes_) join(box);
     }
@@ -233,8 +235,8 @@ class Kernel {
     bool like(const Row &other) const {
         if (runs_.size() != other.size()) return false;
         for (std::size_t r = 0; r < runs_.size(); ++r) {
-            if (std::abs(runs_[r].first - other[r].first) > COVER_TOLERANCE) return false;
-            if (std::abs(runs_[r].second - other[r].second) > COVER_TOLERANCE) return false;
+            if (std::abs(runs_[r].first - other[r].first) > tolerance_) return false;
+            if (std::abs(runs_[r].second - other[r].second) > tolerance_) return false;
         }
         return true;
     }
@@ -398,6 +400,7 @@ class Kernel {
     std::vector<std::uint64_t> contested_, window_;
     std::vector<Box> boxes_;
     Row runs_, first_, last_, merged_;
+    int tolerance_ = 0;
     using Parts = std::vector<std::pair<Polygon, Polygon>>;
     Parts inside_, parts_now_, parts_all_, parts_here_, remaining_;
 };

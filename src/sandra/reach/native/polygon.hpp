@@ -12,7 +12,7 @@ namespace sandra {
 
 constexpr double EPS = 1e-9;
 constexpr double PARALLEL = 1e-12;
-constexpr std::size_t MAX_CORNERS = 20;
+constexpr std::size_t MAX_CORNERS = 16;
 constexpr double INF = std::numeric_limits<double>::infinity();
 
 struct Point {
@@ -276,6 +276,7 @@ inline Extension extension(const Point &p, const Point &q, const Point &r, const
     if (lam < 0.0) return {INF, q};
     const double x = q.x + lam * ux, y = q.y + lam * uy;
     if (!(std::min(q.x, r.x) <= x && x <= std::max(q.x, r.x))) return {INF, q};
+    if (!(std::min(q.y, r.y) <= y && y <= std::max(q.y, r.y))) return {INF, q};
     const double area = std::abs((r.x - q.x) * (y - q.y) - (r.y - q.y) * (x - q.x)) / 2;
     return {area, {x, y}};
 }

@@ -1,0 +1,164 @@
+"""`sandra drive`: closed loop in highway-env."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from sandra.cli.options import add_workers, command, settings_of, workers_of
+from sandra.cli.output import print_json
+from sandra.errors import SandraError
+
+if TYPE_CHECKING:
+    from sandra.evaluation.closed_loop.drive import Drive
+
+
+def add(commands: Any) -> None:
+    parser = command(
+        commands,
+        "drive",
+        "drive episodes of highway-env with decisions that are verified, and write a run folder; "
+        "exit status 0 if the ego was in no collision, else 1",
+        "sandra drive highway --setting 2 --seeds 5838 --ranker rules --prediction set-based "
+        "--rules R_G1,R_G2,R_G3",
+    )
+    parser.add_argument(
+        "environment",
+        nargs="?",
+        default="highway",
+        metavar="ENV",
+        help="highway, merge, roundabout, intersection or racetrack",
+    )
+    parser.add_argument(
+        "--setting", type=int, default=1, metavar="N", help="1 to 3 of the paper (highway)"
+    )
+    parser.add_argument(
+        "--seeds",
+        default="5838",
+        metavar="LIST",
+        help="seeds of the traffic, e.g. 1,2,5-9, or paper",
+    )
+    parser.add_argument("--profile", default="stock", metavar="NAME", help="stock or paper")
+    parser.add_argument("--steps", type=int, default=30, metavar="N", help="decisions, 0.2 s each")
+    parser.add_argument("--ranker", default="rules", metavar="NAME", help="as in 'sandra decide'")
+    parser.add_argument("--command", dest="wish", metavar="TEXT", help="the driver's wish")
+    parser.add_argument("--base-url", metavar="URL", help="of an OpenAI-compatible server")
+    parser.add_argument(
+        "--deadline", type=float, default=30.0, metavar="SECONDS", help="for the whole ranking"
+    )
+    parser.add_argument(
+        "--prediction", default="set-based", metavar="KIND", help="set-based or most-likely"
+    )
+    parser.add_argument("--rules", default="", metavar="LIST", help="e.g. R_G1,R_G2,R_G3")
+    parser.add_argument(
+        "--horizon", type=int, metavar="H", help="steps to verify (default: the paper's, 8 or 15)"
+    )
+    parser.add_argument("--k", type=int, metavar="K", help="number of ranked pairs (default: 3)")
+    parser.add_argument("--mode", default="rank", metavar="NAME", help="as in 'sandra decide'")
+    parser.add_argument(
+        "--emergency-braking",
+        type=float,
+        default=12.0,
+        metavar="A",
+        help="strongest braking while nothing can be certified, m/s^2",
+    )
+    parser.add_argument("--settings", metavar="FILE", help="a TOML file with parameters")
+    parser.add_argument("--out", metavar="RUN", help="the run folder (default: runs/NAME)")
+    add_workers(parser)
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    parser.set_defaults(run=_drive)
+
+
+def drive_of(arguments: argparse.Namespace) -> Drive:
+    from sandra.evaluation.closed_loop.drive import Drive
+    from sandra.logic import parse_rules
+
+    return Drive(
+        environment=arguments.environment,
+        setting=arguments.setting,
+        profile=arguments.profile,
+        steps=arguments.steps,
+        ranker=arguments.ranker,
+        command=arguments.wish,
+        prediction=arguments.prediction,
+        rules=tuple(parse_rules(arguments.rules)),
+        horizon=arguments.horizon,
+        mode=arguments.mode,
+        k=arguments.k,
+        emergency_braking=arguments.emergency_braking,
+        deadline=arguments.deadline,
+        base_url=arguments.base_url,
+        settings=settings_of(arguments),
+    )
+
+
+def _drive(arguments: argparse.Namespace) -> int:
+    from sandra.evaluation.closed_loop.batch import drive_all
+    from sandra.evaluation.closed_loop.folder import RunFolder
+
+    how, seeds = drive_of(arguments), seeds_of(arguments.seeds)
+    folder = RunFolder(Path(arguments.out or f"runs/{default_name(how)}"))
+    folder.open(how, ["sandra", *sys.argv[1:]])
+    found = drive_all(folder, how, seeds, workers_of(arguments), _progress)
+    _progress("")
+    if arguments.json:
+        print_json({"run": str(folder.path), "drive": how.to_dict(), "episodes": found})
+    else:
+        for episode in found:
+            print(_line(episode))
+        print(f"run folder: {folder.path}")
+    return 0 if all(episode["metrics"]["success"] for episode in found) else 1
+
+
+def default_name(how: Drive) -> str:
+    """Of the run folder, where the user gives none."""
+    rules = "-".join(how.rules) or "no-rules"
+    words = [how.name, how.profile, how.ranker, how.prediction, rules, how.command or ""]
+    text = "_".join(word for word in words if word)
+    return "".join(c if c.isalnum() or c in "-_." else "-" for c in text)[:120]
+
+
+def seeds_of(text: str) -> list[int]:
+    """ "1,2,5-9", or "paper"."""
+    from sandra.simulation.highway import SEEDS
+
+    found: list[int] = []
+    for part in text.split(","):
+        first, dash, last = part.strip().partition("-")
+        if part.strip() == "paper":
+            found += SEEDS
+        elif first.isdecimal() and (last.isdecimal() if dash else True):
+            found += range(int(first), int(last if dash else first) + 1)
+        else:
+            raise SandraError(f"--seeds {text}: write numbers and ranges, as 1,2,5-9, or paper")
+    return list(dict.fromkeys(found))
+
+
+def _line(episode: dict[str, Any]) -> str:
+    m, collision = episode["metrics"], episode["collision"]
+    operations = ", ".join(f"{name} {n}" for name, n in episode["operations"].items())
+    lines = [
+        f"seed {episode['seed']}: {'success' if m['success'] else 'no success'}, "
+        f"{m['distance']:.1f} m in {m['steps']} steps, fail-safe "
+        f"{100 * m['fail_safe_rate']:.0f} %, {m['lane_changes']} changes of lane; {operations}"
+    ]
+    kept = ", ".join(f"{rule} {n}" for rule, n in m["compliant_steps"].items())
+    lines.append(f"  steps that keep {kept}; success steps {m['success_steps']}")
+    if collision is not None:
+        lines.append(
+            f"  collision at {collision['time']:.2f} s with vehicle {collision['partner']}, "
+            f"driven by: {collision['operation']}"
+        )
+    elif episode["ended"]:
+        lines.append(f"  ended early: {episode['ended']}")
+    mean, most = episode["decision_cpu"]
+    lines.append(f"  our part of a decision: {mean:.2f} s of CPU time, at most {most:.2f} s")
+    return "\n".join(lines)
+
+
+def _progress(words: str) -> None:
+    """On one line of a terminal; elsewhere nothing but what ends an episode."""
+    if sys.stderr.isatty():
+        print(f"\r\x1b[K{words}", end="", file=sys.stderr, flush=True)

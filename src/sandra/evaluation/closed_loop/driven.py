@@ -1,0 +1,181 @@
+"""What an episode that was driven with certificates is worth, and what the run itself asserts."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sandra.decider import Operation
+from sandra.evaluation.closed_loop.metrics import OURS, Convention, Metrics, measure
+from sandra.monitor import monitor
+from sandra.monitor.monitor import RULES
+from sandra.scene.types import Scene
+from sandra.settings import Settings
+from sandra.simulation.episode import Episode
+from sandra.simulation.policies import NEAR, Run
+
+Array = NDArray[np.float64]
+
+
+def at_decisions(episode: Episode) -> Scene:
+    """The recording with one row for each decision: row k is the state in which step k was decided.
+
+    The accelerations are NaN, so that the monitor derives those that a step had on the whole.
+    """
+    scene, stride = episode.recording.scene, episode.ticks_per_step
+    obstacles = tuple(
+        o if o.states is None else replace(o, states=o.states[::stride]) for o in scene.obstacles
+    )
+    ego = episode.recording.ego[::stride].copy()
+    ego[:, 4] = np.nan
+    return replace(scene, dt=scene.dt * stride, obstacles=obstacles, recorded_ego=ego)
+
+
+def run_of(episode: Episode, driver: str, seed: int, setting: int | None, profile: str) -> Run:
+    """The episode by its decision steps, as the metrics take it."""
+    scene = at_decisions(episode)
+    ego = scene.recorded_ego
+    assert ego is not None, "a recording has an ego"
+    n = len(episode.steps)
+    # A step that ended with a crash may have fewer ticks: its end is the last tick.
+    stride = episode.ticks_per_step
+    ticks = np.minimum(stride * np.arange(n + 1), len(episode.recording.ego) - 1)
+    rows = episode.recording.ego[ticks]
+    crash = episode.recording.ego_crash
+    return Run(
+        driver=driver,
+        seed=seed,
+        setting=setting,
+        profile=profile,
+        dt=scene.dt,
+        x=_driven(scene, rows),
+        speed=rows[:, 3],
+        lane=_lanes(scene, rows),
+        crashed=np.zeros(n + 1, dtype=bool) if crash is None else ticks >= crash,
+        traffic_speed=_traffic(episode.recording.scene, rows, ticks),
+        actions=tuple("fail-safe" if x.pair is None else str(x.pair) for x in episode.steps),
+        fail_safe=np.array([x.fail_safe for x in episode.steps], dtype=bool),
+    )
+
+
+def _driven(scene: Scene, rows: Array) -> Array:
+    """(n,) distance from the start [m]: along a straight road, else along the path driven."""
+    if len(scene.frame.line) == 2:
+        s = scene.frame.to_curvilinear(rows[:, :2])[:, 0]
+        return np.asarray(s - s[0])
+    way = np.linalg.norm(np.diff(rows[:, :2], axis=0), axis=1)
+    return np.concatenate([[0.0], np.cumsum(way)])
+
+
+def _lanes(scene: Scene, rows: Array) -> NDArray[np.int64]:
+    """(n,) number of the lane, of those side by side, whose centre line is nearest."""
+    beside = [x for x in scene.lanes if x.relation in ("current", "left", "right", "other")]
+    across = [np.abs(x.frame.to_curvilinear(rows[:, :2])[:, 1]) for x in beside]
+    return np.asarray(np.argmin(np.stack(across), axis=0), dtype=np.int64)
+
+
+def _traffic(scene: Scene, rows: Array, ticks: NDArray[np.int64]) -> Array:
+    """(n,) mean speed of the others near the ego [m/s]; NaN where there are none."""
+    moving = [o.states for o in scene.obstacles if o.states is not None]
+    if not moving:
+        return np.full(len(rows), np.nan)
+    states = np.stack([s[ticks] for s in moving], axis=1)
+    away = np.linalg.norm(states[..., :2] - rows[:, None, :2], axis=2)
+    near = away <= NEAR
+    count = near.sum(axis=1)
+    total = np.where(near, states[..., 3], 0.0).sum(axis=1)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+
+
+@dataclass(frozen=True, slots=True)
+class Collision:
+    """The ego's collision: with whom, when, and what was proven then."""
+
+    tick: int
+    time: float
+    """Since the start [s]."""
+    partner: int | None
+    """Id of the nearest vehicle that crashed at the same time."""
+    operation: str
+    """By what the ego was driven."""
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """All that is reported of one episode.
+
+    `uncovered`: steps after the first certificate at which no fail-safe was known that was clear
+    of all that others may do; each needs a broken assumption. `outside`: steps that left the plan.
+    """
+
+    metrics: Metrics
+    operations: dict[str, int]
+    pairs: dict[str, int]
+    first_certificate: int | None
+    uncovered: tuple[int, ...]
+    outside: int
+    collision: Collision | None
+    ended: str | None
+    decision_cpu: tuple[float, float]
+    """Mean and largest CPU time of a decision cycle [s]."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return asdict(self)
+
+
+def outcome(
+    episode: Episode,
+    run: Run,
+    settings: Settings,
+    rules: Sequence[str] = RULES,
+    convention: Convention = OURS,
+) -> Outcome:
+    """Measure an episode."""
+    n = run.steps
+    compliance = np.zeros((n, len(rules)), dtype=bool)
+    if n:
+        robustness = monitor(at_decisions(episode), tuple(rules), settings)
+        compliance = np.stack([robustness[rule].kept[:n] for rule in rules], axis=1)
+        if len(compliance) < n:
+            missing = np.zeros((n - len(compliance), len(rules)), dtype=bool)
+            compliance = np.concatenate([compliance, missing])
+    first = episode.first_certificate
+    cpu = [step.cpu for step in episode.steps]
+    return Outcome(
+        metrics=measure(run, compliance, rules, convention),
+        operations=dict(Counter(step.operation.value for step in episode.steps)),
+        pairs=dict(Counter(run.actions)),
+        first_certificate=first,
+        uncovered=tuple(
+            step.index
+            for step in episode.steps
+            if first is not None and step.index > first and not step.covered
+        ),
+        outside=episode.breaches,
+        collision=_collision(episode),
+        ended=episode.ended,
+        decision_cpu=(float(np.mean(cpu)), float(np.max(cpu))) if cpu else (0.0, 0.0),
+    )
+
+
+def _collision(episode: Episode) -> Collision | None:
+    recording = episode.recording
+    tick = recording.ego_crash
+    if tick is None:
+        return None
+    here = recording.ego[tick, :2]
+    together = [
+        (float(np.linalg.norm(o.states[tick, :2] - here)), o.id)
+        for o in recording.scene.obstacles
+        if o.states is not None and abs(recording.crashed.get(o.id, -9) - tick) <= 1
+    ]
+    step = min(max(tick - 1, 0) // episode.ticks_per_step, len(episode.steps) - 1)
+    operation = episode.steps[step].operation if episode.steps else Operation.EMERGENCY
+    partner = min(together)[1] if together else None
+    return Collision(tick, tick * recording.scene.dt, partner, operation.value)
