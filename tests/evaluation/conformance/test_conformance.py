@@ -230,6 +230,51 @@ def test_a_run_folder_marks_its_crashes(tmp_path: Path) -> None:
     assert marked.crashed_steps == whole.steps - marked.steps > 0
 
 
+def test_files_are_named_below_their_common_folder(tmp_path: Path) -> None:
+    several = []
+    for seed in ("1", "2"):
+        (tmp_path / seed).mkdir()
+        several.append(tmp_path / seed / "scenario.xml")
+        several[-1].write_bytes(example("recorded-ego").read_bytes())
+    number = load(several[0]).obstacles[0].id
+    found = conformance(recordings_in([tmp_path]), crashed={"2/scenario.xml": {number: 5}})
+    assert [s.file for s in found.sources] == ["1/scenario.xml", "2/scenario.xml"]
+    assert [s.crashed_steps > 0 for s in found.sources] == [False, True]
+
+
+def test_along_a_lanelet_that_leads_there_nobody_cuts_in() -> None:
+    """The left lane ends in the middle one: the same motion, with and without that link."""
+    scene = recorded(*entering(6.0))
+    left = next(x for x in scene.lanelets if x.id == 101)
+    middle = next(x for x in scene.lanelets if x.id == 100)
+    right = next(x for x in scene.lanelets if x.id == 99)
+    leads = (replace(left, successors=(100,)), replace(middle, predecessors=(101,)), right)
+    chosen = Settings(assumptions=LOOSE)
+    assert conformance([scene], chosen)["legal_cut_in"].broken_steps == 1
+    assert conformance([replace(scene, lanelets=leads)], chosen)["legal_cut_in"].broken_steps == 0
+
+
+def test_a_cut_in_before_one_on_the_lanelet_behind() -> None:
+    """The lane is cut in two between both vehicles: distances go on along it."""
+    whole = recorded(*entering(6.0))
+    middle = next(x for x in whole.lanelets if x.id == 100)
+    rest = tuple(x for x in whole.lanelets if x.id != 100)
+
+    def part(number: int, low: float, high: float, **links: Any) -> Any:
+        x = np.array([low, high])
+        left, right = (np.column_stack([x, np.full(2, y)]) for y in (1.75, -1.75))
+        beside = {"adjacent_left": (101, True), "adjacent_right": (99, True)}
+        return replace(middle, id=number, left=left, right=right, **beside, **links)
+
+    # Both are there when the body appears: one ends at s = 11.5, the other begins at 15.5.
+    first, second = part(1, -40.0, 13.0, successors=(2,)), part(2, 13.0, 400.0, predecessors=(1,))
+    scene = replace(whole, lanelets=(first, second, *rest))
+    chosen = Settings(assumptions=LOOSE)
+    found, before = (conformance([x], chosen)["legal_cut_in"] for x in (scene, whole))
+    assert before.broken_steps == found.broken_steps == 1
+    assert found.worst == pytest.approx(before.worst)
+
+
 def test_every_so_many_seconds() -> None:
     """At every second step of a car that speeds up and slows down by turns."""
     speed = 10.0 + np.arange(N) % 2

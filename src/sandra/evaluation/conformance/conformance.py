@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial, reduce
@@ -27,18 +28,14 @@ TOWARDS = ("all", "ego")
 
 @dataclass(frozen=True, slots=True)
 class _Item:
-    """A recording, and who has crashed in it from which step on."""
+    """A recording, its name, and who has crashed in it from which step on."""
 
     given: str | Path | Scene
+    name: str
     crashed: dict[int, int]
 
     def __repr__(self) -> str:
         return self.name
-
-    @property
-    def name(self) -> str:
-        """Of the file, or of the scene."""
-        return self.given.name if isinstance(self.given, Scene) else Path(self.given).name
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +69,8 @@ def conformance(
         recordings: CommonRoad files, or scenes whose obstacles have `states`.
         towards: who is taken for the ego by `no_rear_end` and `legal_cut_in`: "all" vehicles in
             turn, or the recorded "ego" alone.
-        crashed: by file name or scene name, the step from which on a vehicle has crashed and is no
+        crashed: by name of a recording (of the scene, or of the file, below the folder that all
+            files have in common), the step from which on a vehicle has crashed and is no
             evidence; added to what the file RECORDING.crashed.json says.
         touching: bodies that touch have crashed, too.
         horizon: steps for which sets are predicted and compared (coverage); 0: none.
@@ -96,8 +94,11 @@ def conformance(
     settings = Settings() if settings is None else settings
     options = _Options(settings, towards, touching, horizon, every, noise, step)
     marked = crashed or {}
-    items = [_Item(x, {}) for x in recordings]
-    items = [_Item(x.given, dict(marked.get(x.name, {}))) for x in items]
+    names = _names(recordings)
+    items = [
+        _Item(x, name, dict(marked.get(name, {})))
+        for x, name in zip(recordings, names, strict=True)
+    ]
     known = {x.name for x in items}
     for name in marked:
         if name not in known:
@@ -147,6 +148,16 @@ def recordings_in(paths: Sequence[Path]) -> list[Path]:
             raise ScenarioError(f"{path}: {what}; give CommonRoad files, or folders of them")
         found += inside
     return list(dict.fromkeys(found))
+
+
+def _names(recordings: Sequence[str | Path | Scene]) -> list[str]:
+    """Scenes by their names, files by their paths below the folder that they have in common."""
+    files = [Path(x).absolute() for x in recordings if not isinstance(x, Scene)]
+    folder = os.path.commonpath([file.parent for file in files]) if files else ""
+    return [
+        x.name if isinstance(x, Scene) else Path(x).absolute().relative_to(folder).as_posix()
+        for x in recordings
+    ]
 
 
 def _judged(options: _Options, item: _Item) -> tuple[Source, list[Finding], Coverage | None]:

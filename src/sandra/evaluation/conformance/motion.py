@@ -4,8 +4,8 @@ The velocity is the recorded speed in the direction of the recorded heading. `ma
 asked for |dv| / dt, and for 2 e / dt^2, where e is the distance of the next position from where
 the velocity leads, less `noise`, which is granted to the recording. If both are at most a in every
 step, then after n steps a vehicle is within a (n dt)^2 / 2 of where its first velocity leads: what
-the prediction holds. Peaks within a step are not seen. `max_braking` and `max_driving` are asked for
-differences of speeds alone.
+the prediction holds. Peaks within a step are not seen. `max_braking` and `max_driving` are asked
+for differences of speeds alone.
 """
 
 from __future__ import annotations
