@@ -6,7 +6,7 @@ BIN := .venv/bin
 export OMP_NUM_THREADS := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test coverage check soundness differential mutation bench scenarios example-planner lock clean
+.PHONY: help demo test coverage check soundness closed-loop differential mutation bench scenarios example-planner lock clean
 
 help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z.-]+:.*## /{printf "  make %-15s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -72,6 +72,9 @@ SAMPLE ?= 200
 WORKERS ?= 1
 mutation: .venv-mutation/.installed  ## do the tests see small changes of the safety core? [ROOM=logic SAMPLE=all WORKERS=2]
 	.venv-mutation/bin/python scripts/mutation_score.py $(ROOM) --sample $(SAMPLE) --workers $(WORKERS) $(ARGS)
+
+closed-loop: .venv/.installed  ## drivers without a verifier on the paper's seeds (minutes)
+	$(BIN)/sandra evaluate closed-loop --paper-seeds --profile paper --convention paper
 
 scenarios: .venv/.installed  ## make the project's own scenarios anew
 	$(BIN)/python scripts/make_scenarios.py

@@ -138,7 +138,9 @@ class Basis:
 def _farthest(scene: Scene, time: float, settings: Settings) -> float:
     """How far from its present position the ego's body may reach within some time [m]."""
     ego = scene.ego
-    way = abs(ego.state.speed) * time + max(settings.a_lon_max, 0.0) * time**2 / 2
+    speed, push = abs(ego.state.speed), max(settings.a_lon_max, 0.0)
+    # No faster than v_max, unless it is already.
+    way = min(speed * time + push * time**2 / 2, max(speed, settings.v_max) * time)
     return way + math.hypot(ego.length, ego.width) / 2
 
 
@@ -256,7 +258,7 @@ def _judged(
 
 
 def _continuation(
-    basis: Basis, trajectory: Trajectory, rounds: Rounds = ROUNDS
+    basis: Basis, trajectory: Trajectory, rounds: Rounds = ROUNDS, why: bool = True
 ) -> FailSafe | NoFailSafe:
     """The fail-safe from a trajectory's state at the next decision."""
     return fail_safe(
@@ -267,6 +269,7 @@ def _continuation(
         basis.ground.settings,
         basis.of_fail_safe,
         rounds,
+        why,
     )
 
 
@@ -291,7 +294,7 @@ class _Continuations:
         if any((np.abs(state - x) <= ALIKE).all() for x in self.refused):
             return "have no fail-safe continuation"
         rounds = ROUNDS if len(self.refused) < MOST_OPTIMISED else SAMPLED
-        found = _continuation(self.basis, trajectory, rounds)
+        found = _continuation(self.basis, trajectory, rounds, why=False)
         if isinstance(found, FailSafe):
             self.found = found
             return None

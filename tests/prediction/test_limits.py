@@ -15,7 +15,7 @@ from sandra.prediction import predict, slicing
 from sandra.prediction.geometry import clip, minkowski, unpadded
 from sandra.prediction.lane_cutting import build_map
 from sandra.prediction.most_likely import _bend, _path, trajectories
-from sandra.prediction.set_based import _plan
+from sandra.prediction.set_based import _Maps, _Plan, _plan
 from sandra.prediction.slicing import (
     END_CELLS,
     FEW_CORNERS,
@@ -25,6 +25,7 @@ from sandra.prediction.slicing import (
     simplified,
     slices_of,
 )
+from sandra.prediction.touched import Vehicle
 from sandra.scene.types import Region, State
 from sandra.settings import Settings
 
@@ -264,9 +265,10 @@ def test_nothing_is_computed_beyond_the_horizon() -> None:
     """Of a vehicle that is first seen at step 4 of 10: six steps, seven times."""
     now = scene(ROAD, (car(1, 0, 1.75, states=recording(15, first=4)),))
     likely, _ = trajectories(now, 10, use_recordings=True)
-    plan = _plan(now, likely[0], build_map(ROAD, 20.0), 10, Settings())
-    assert plan is not None
-    rows = np.isfinite(plan.vehicle.offsets)
+    plan = _plan(now, likely[0], _Maps(now, 20.0), 10, Settings())
+    assert isinstance(plan, _Plan)
+    assert isinstance(plan.participant, Vehicle)
+    rows = np.isfinite(plan.participant.offsets)
     assert rows.all(axis=1).tolist() == [True] * 7 + [False] * 4 + [True] * 6 + [False] * 4
     assert not rows[~rows.all(axis=1)].any()
 

@@ -23,6 +23,11 @@ ROAD = straight_road()
 DRIVES = {
     "middle lane of three": (ROAD, Course(0, 10.5), State(-100, 5.25, 0, 20)),
     "changing lane": (ROAD, Course(0, 10.5), State(-30, 2.2, 0.1, 25)),
+    "two directions": (
+        straight_road(oncoming=True),
+        Course(0, 10.5),
+        State(-30, 2.2, 0.1, 25),
+    ),
     "across a joint": (ROAD, Course(0, 10.5), State(-10, 1.75, 0, 15)),
     "outer lane of a bend": (bend(), Course(-3.5, 3.5, 60, True), State(0, -1.75, 0, 12)),
     "inner lane of a bend": (bend(), Course(-3.5, 3.5, 60, True), State(0, 1.75, 0, 15)),

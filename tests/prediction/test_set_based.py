@@ -22,6 +22,17 @@ ROAD = straight_road()
 DRIVES = {
     "middle lane of three": (ROAD, Course(0, 10.5), State(-100, 5.25, 0, 12)),
     "changing lane, fast": (ROAD, Course(0, 10.5), State(-30, 2.2, 0.1, 25)),
+    # Lanes of two directions are cut into cells; those of one are computed in closed form.
+    "middle lane, two directions": (
+        straight_road(oncoming=True),
+        Course(0, 10.5),
+        State(-100, 5.25, 0, 12),
+    ),
+    "changing lane, two directions": (
+        straight_road(oncoming=True),
+        Course(0, 10.5),
+        State(-30, 2.2, 0.1, 25),
+    ),
     "one lane, slow": (straight_road(1, oncoming=True), Course(0, 3.5), State(-10, 1.75, 0, 3)),
     "outer lane of a bend": (bend(), Course(-3.5, 3.5, 60, True), State(0, -1.75, 0, 10)),
     "inner lane of a bend": (bend(), Course(-3.5, 3.5, 60, True), State(0, 1.75, 0, 15)),

@@ -54,6 +54,20 @@ def test_who_is_far_behind_is_not_in_the_way() -> None:
     assert of(among(car("left", -80.0, 22.0)), "keep,left-lane") == of(among(), "keep,left-lane")
 
 
+def test_a_leader_that_brakes_is_a_reason_to_leave_the_lane() -> None:
+    braking = replace(car("same", 40.0, 20.0), acceleration=-6.0)
+    steady = among(car("same", 40.0, 20.0))
+    pair = "keep,follow-lane"
+    assert of(among(braking), pair) < of(steady, pair)
+
+
+def test_a_change_that_is_half_done_is_worth_more() -> None:
+    slow = car("same", 15.0, 12.0)
+    half = among(slow, lateral_offset=1.7)
+    assert of(half, "keep,left-lane") > of(among(slow), "keep,left-lane")
+    assert of(half, "keep,right-lane") == of(among(slow), "keep,right-lane")
+
+
 def test_a_change_that_is_under_way_costs_nothing_more() -> None:
     going = among(past=(ActionPair.parse("keep,left-lane"),))
     assert of(going, "keep,left-lane") > of(among(), "keep,left-lane")

@@ -355,6 +355,26 @@ def test_edges_that_just_may_come_near_are_read() -> None:
         assert len(_dense([way], np.zeros(2), 1.0 - 2.0**-40)[0]) == 0
 
 
+@pytest.mark.parametrize("turn", [0.0, 1.2])
+def test_of_a_border_of_many_kilometres_only_what_is_near_is_read(turn: float) -> None:
+    """The same pieces as of borders that are cut at each metre, and few of them."""
+    c, s = np.cos(turn), np.sin(turn)
+    ends = np.array([[-3000.0, 2.0], [4000.0, 2.0]]) @ np.array([[c, s], [-s, c]])
+    fine = np.column_stack([np.linspace(*ends[:, i], 7001) for i in (0, 1)])
+    middle = np.array([5.0, 1.0])
+    for way in (ends, ends[::-1]):
+        points, joined, line = _dense([way, fine[3000:3010]], middle, 30.0)
+        assert len(points) < 300
+        assert joined.sum() == len(points) - 2
+        pieces = np.diff(points, axis=0)[joined & (line[:-1] == 0)]
+        step = (way[1] - way[0]) / 28000
+        assert pieces == pytest.approx(np.tile(step, (len(pieces), 1)), abs=1e-4)
+        near, _, _ = _dense([fine if way is ends else fine[::-1]], middle, 30.0)
+        held = np.hypot(*(near - middle).T) <= 30.0
+        gaps = np.abs(near[held][:, None] - points[None]).sum(axis=2).min(axis=1)
+        assert gaps.max() < 0.15
+
+
 def test_borders_are_read_as_far_as_a_body_anywhere_in_the_lattice_reaches() -> None:
     """From its outermost lines on either side, however coarse it is and however long the body."""
     s = np.arange(5.0, 20.0)

@@ -114,6 +114,23 @@ def test_long_lines_are_read_each_metre() -> None:
         assert sorted(_borders_between(scene, (s, s), 8.0)) == [-1.75, 1.75, 5.0, 6.0]
 
 
+def test_of_a_line_of_many_kilometres_the_same_metres_count() -> None:
+    fine, coarse = Course(), Course(step=100.0)
+    lane = coarse.lane("current", 100, -1.75, 1.75, start=-4000.0, end=6000.0)
+    long = coarse.scene((lane,))
+    same = fine.scene((fine.lane("current", 100, -1.75, 1.75, start=-100.0, end=200.0),))
+    middle = np.array([long.ego.state.x, long.ego.state.y])
+    for scene in (long, same):
+        assert len(scene.lanelets) == 1
+    whole = replace(long.lanelets[0], left=lane.left[[0, -1]], right=lane.right[[0, -1]])
+    s = float(long.frame.to_curvilinear(middle[None])[0, 0])
+    t = float(same.frame.to_curvilinear(middle[None])[0, 0])
+    one = _borders_between(replace(long, lanelets=(whole,)), (s - 9.5, s + 30.5), 8.0)
+    other = _borders_between(same, (t - 9.5, t + 30.5), 8.0)
+    assert sorted(one) == pytest.approx(sorted(other))
+    assert len(one) > 60
+
+
 def test_borders_far_away_are_left_out_however_long_their_parts_are() -> None:
     course = Course(step=100.0)
     beside = course.lane("none", 110, 5.0, 20.0)

@@ -1,10 +1,14 @@
 """Environments: the library's traffic to the last bit, its classes untouched."""
 
+import os
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
 from sandra.errors import SettingsError
-from sandra.simulation import ACTIONS, Traffic, highway
+from sandra.simulation import ACTIONS, FAIL_SAFE, Traffic, highway
 from sandra.simulation.highway import SEEDS, SETTINGS
 
 pytest.importorskip("highway_env")
@@ -137,3 +141,41 @@ def test_what_is_unknown_is_named():
     ):
         with pytest.raises(SettingsError, match=":"):
             make()
+
+
+def test_highway_env_is_loaded_only_when_a_world_is_made():
+    code = (
+        "import sys, sandra, sandra.cli, sandra.simulation; "
+        "assert not {'highway_env', 'gymnasium', 'pygame'} & set(sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, env=os.environ)
+
+
+def test_the_librarys_classes_stay_as_they_are():
+    """All profiles on all kinds of roads, and not one attribute of a class or module is changed."""
+    import highway_env.envs
+    from highway_env.road import lane, road
+    from highway_env.vehicle import behavior, controller, kinematics, objects
+
+    modules = (highway_env.envs, behavior, controller, kinematics, objects, road, lane)
+
+    def attributes():
+        found = {}
+        for module in modules:
+            for name, value in vars(module).items():
+                found[module.__name__, name] = id(value)
+                if isinstance(value, type):
+                    found |= {(module.__name__, name, k): id(v) for k, v in vars(value).items()}
+        return found
+
+    before = attributes()
+    for name, profile in (
+        ("highway-v0", "paper"),
+        ("intersection-v0", "paper"),
+        ("merge-v0", "stock"),
+    ):
+        world = highway(Traffic(name, vehicles=5), profile)
+        world.reset(1)
+        for action in ("FASTER", FAIL_SAFE):
+            world.step(action)
+    assert attributes() == before

@@ -11,8 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
@@ -35,8 +34,7 @@ ALONG = math.radians(30.0)
 """A vehicle whose heading leaves its lanelet's by more is not played."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Played:
+class _Played(NamedTuple):
     """A place that a body may be at: `regions` must hold it.
 
     `within`: the lanelet that it must not leave, or it is not allowed for sure; None: it is.
@@ -190,8 +188,17 @@ def _within(radii: Array, hulls: Shapes, shapes: Shapes) -> NDArray[np.bool_]:
     points, owner = shapely.get_coordinates(shapes, return_index=True)
     near = np.asarray(shapely.intersects_xy(hulls[owner], points[:, 0], points[:, 1]))
     outside = np.flatnonzero(~near & (radii[owner] > 0.0))
-    away = shapely.distance(shapely.points(points[outside]), hulls[owner[outside]])
-    near[outside] = away <= radii[owner[outside]]
+    near[outside] = _distances(points[outside], hulls[owner[outside]]) <= radii[owner[outside]]
     corners = np.bincount(owner, minlength=len(shapes))
     held = np.bincount(owner[near], minlength=len(shapes))
     return np.asarray((held == corners) & (corners > 0))
+
+
+def _distances(points: Array, shapes: Shapes) -> Array:
+    """(n,) of points (n, 2) from shapes (n,) [m]; those that are points themselves, by hand."""
+    found = np.empty(len(points))
+    single = shapely.get_type_id(shapes) == shapely.GeometryType.POINT
+    centres = np.column_stack([shapely.get_x(shapes[single]), shapely.get_y(shapes[single])])
+    found[single] = np.hypot(*(points[single] - centres).T)
+    found[~single] = shapely.distance(shapely.points(points[~single]), shapes[~single])
+    return found

@@ -19,6 +19,7 @@ from sandra.cli import (
     demo,
     drive,
     evaluate,
+    film,
     monitor,
     prompt,
     scenarios,
@@ -60,10 +61,8 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"sandra {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    rooms = (
-        *(decide, verify, drive, prompt, certificate, monitor, conformance),
-        *(evaluate, bench, scenarios, demo),
-    )
-    for each in rooms:
+    deciding = (decide, verify, drive, prompt, certificate)
+    watching = (monitor, conformance, film, evaluate, bench, scenarios, demo)
+    for each in (*deciding, *watching):
         each.add(commands)
     return parser

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from sandra.cli import soundness
+from sandra.cli import closed_loop, soundness
 from sandra.cli.options import (
     add_assumptions,
     add_workers,
@@ -29,6 +29,7 @@ def add(commands: Any) -> None:
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
     _add_verdicts(actions)
     soundness.add(actions)
+    closed_loop.add(actions)
 
 
 def _add_verdicts(actions: Any) -> None:

@@ -55,21 +55,25 @@ def touches(lane: Lane, obstacle: Obstacle) -> bool:
     state = obstacle.state
     body = obstacle.outline.placed(state.x, state.y, state.heading)
     compass = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]]) * body.radius
-    points = np.vstack([[[state.x, state.y]], *(body.vertices + offset for offset in compass)])
-    outline = lane.polygon
-    return any(inside(outline, point) for point in points)
+    around = compass if body.radius > 0.0 else compass[:1]
+    points = np.vstack([[[state.x, state.y]], *(body.vertices + offset for offset in around)])
+    return bool(_inside(lane.polygon, points).any())
 
 
 def inside(polygon: Array, point: Array) -> bool:
     """Whether a point (2,) lies in a simple polygon (n, 2), by the even-odd rule."""
-    x, y = point
-    x0, y0 = polygon[:, 0], polygon[:, 1]
-    x1, y1 = np.roll(x0, -1), np.roll(y0, -1)
-    spans = (y0 > y) != (y1 > y)
-    if not spans.any():
-        return False
-    crossing = x0[spans] + (y - y0[spans]) / (y1[spans] - y0[spans]) * (x1[spans] - x0[spans])
-    return bool(np.count_nonzero(crossing > x) % 2)
+    return bool(_inside(polygon, point[None])[0])
+
+
+def _inside(polygon: Array, points: Array) -> NDArray[np.bool_]:
+    """(m,) the same for several points (m, 2)."""
+    x0, y0 = polygon.T
+    x1, y1 = (np.concatenate([line[1:], line[:1]]) for line in (x0, y0))
+    above = y0 > points[:, 1:]
+    point, edge = np.nonzero(above != np.concatenate([above[:, 1:], above[:, :1]], axis=1))
+    rise = (points[point, 1] - y0[edge]) / (y1[edge] - y0[edge])
+    beyond = x0[edge] + rise * (x1[edge] - x0[edge]) > points[point, 0]
+    return np.asarray(np.bincount(point[beyond], minlength=len(points)) % 2 == 1)
 
 
 def _direction(lane: Lane, obstacle: Obstacle) -> float:

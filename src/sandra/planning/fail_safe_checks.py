@@ -37,9 +37,10 @@ class _Failure:
 
 
 class Failures:
-    """What came nearest to success, by strategy."""
+    """What came nearest to success, by strategy; looked for only if `wanted`."""
 
-    def __init__(self) -> None:
+    def __init__(self, wanted: bool = True) -> None:
+        self.wanted = wanted
         self._by_strategy: dict[str, _Failure] = {}
 
     def add(self, strategy: str, text: str, *rank: float) -> None:
@@ -148,6 +149,8 @@ def beyond_legal_cut_in(task: Task, states: Array) -> Array:
 
 def _blame(task: Task, candidates: Candidates, rows: Ints, failures: Failures) -> None:
     """Say for each strategy when its hardest braking among `rows` collides."""
+    if not failures.wanted:
+        return
     hardest: dict[str, int] = {}
     for i in rows.tolist():
         name = candidates.strategy[i]
@@ -162,7 +165,7 @@ def _blame(task: Task, candidates: Candidates, rows: Ints, failures: Failures) -
 
 def _collides(task: Task, candidates: Candidates, i: int, step: int, failures: Failures) -> None:
     time = task.t_dec + step * task.tau
-    if failures.best(candidates.strategy[i]) < (2.0, time):
+    if failures.wanted and failures.best(candidates.strategy[i]) < (2.0, time):
         who = task.shared.nearest(candidates.states[i, step : step + 2], time)
         text = f"{_how(candidates, i)}may meet obstacle {who} {time:.2f} s from now"
         failures.add(candidates.strategy[i], text, 2.0, time)

@@ -82,6 +82,7 @@ def fail_safe(
     settings: Settings,
     shared: Surroundings | None = None,
     rounds: Rounds = ROUNDS,
+    why: bool = True,
 ) -> FailSafe | Miss:
     """The mildest fail-safe trajectory that was found, or why none was.
 
@@ -92,6 +93,7 @@ def fail_safe(
             are not tried (`fail_safe_horizon`).
         shared: `Surroundings.of(scene, set_based)`, where more than one search is made.
         rounds: what is tried, in this order; default all `ROUNDS`.
+        why: False where nobody asks for the reasons of a miss: whom it would meet, and when.
 
     Raises:
         SettingsError: if the prediction is not set-based or has another time step than the scene,
@@ -105,7 +107,7 @@ def fail_safe(
     shared = Surroundings.of(scene, set_based) if shared is None else shared
     steps = set_based.horizon - first
     task = Task.of(scene, state, t_dec, first, steps, settings, shared)
-    failures = Failures()
+    failures = Failures(why)
     if task.speed <= STANDING:
         found = standing(task, failures, strategies.BRAKE)
         if found is not None:

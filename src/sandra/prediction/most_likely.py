@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from sandra.prediction.lane_cutting import build_map
 from sandra.prediction.lanes import LaneMap, Place, Strip
 from sandra.prediction.observed import FIXED_KINDS, is_fixed
+from sandra.prediction.straight_road import StraightRoad
 from sandra.scene.types import Obstacle, Scene
 
 Array = NDArray[np.float64]
@@ -58,8 +59,9 @@ def trajectories(
     """
 
     @cache
-    def lane_map() -> LaneMap:
-        return build_map(scene.lanelets, 0.0, shared=False)
+    def lane_map() -> LaneMap | StraightRoad:
+        straight = StraightRoad.of(scene.lanelets, 0.0)
+        return straight or build_map(scene.lanelets, 0.0, shared=False)
 
     found: list[Likely] = []
     ended: dict[int, list[int]] = {}
@@ -158,7 +160,7 @@ def _trajectory(
     recorded: Array | None,
     dt: float,
     horizon: int,
-    lane_map: Callable[[], LaneMap],
+    lane_map: Callable[[], LaneMap | StraightRoad],
 ) -> tuple[Array, int]:
     """(h+1, 5) states, and the last recorded step."""
     states = np.full((horizon + 1, 5), np.nan)
@@ -196,7 +198,7 @@ def _bridged(states: Array) -> Array:
     return states
 
 
-def _along_lane(state: Array, dt: float, steps: int, lane_map: LaneMap) -> Array:
+def _along_lane(state: Array, dt: float, steps: int, lane_map: LaneMap | StraightRoad) -> Array:
     """(steps, 5) states at constant speed along the lane."""
     x, y, heading, speed = state[:4].tolist()
     way = speed * dt * np.arange(1, steps + 1)
@@ -205,9 +207,12 @@ def _along_lane(state: Array, dt: float, steps: int, lane_map: LaneMap) -> Array
     places = [
         p for p in lane_map.places(x, y, heading, ON_LANE) if abs(p.relative_heading) <= ALONG_LANE
     ]
-    if not places or speed <= 0.0:
-        result[:, 0] = x + way * math.cos(heading)
-        result[:, 1] = y + way * math.sin(heading)
+    drives = bool(places) and speed > 0.0
+    if isinstance(lane_map, StraightRoad) or not drives:
+        # Straight on: along the road, or where no lane is known as it points.
+        course = lane_map.course if isinstance(lane_map, StraightRoad) and drives else heading
+        result[:, 0] = x + way * math.cos(course)
+        result[:, 1] = y + way * math.sin(course)
         result[:, 2] = heading
         return result
     place = min(places, key=lambda p: abs(p.relative_heading))
@@ -217,9 +222,9 @@ def _along_lane(state: Array, dt: float, steps: int, lane_map: LaneMap) -> Array
     arc = np.concatenate([[0.0], np.cumsum(length)])
     result[:, 0] = np.interp(way, arc, path[:, 0])
     result[:, 1] = np.interp(way, arc, path[:, 1])
-    course = np.unwrap(np.arctan2(edge[:, 1], edge[:, 0]))
+    courses = np.unwrap(np.arctan2(edge[:, 1], edge[:, 0]))
     # Between the middles of its edges the path turns evenly; its first edge sets the reference.
-    turned = np.interp(way, arc[:-1] + length / 2, course) - course[0]
+    turned = np.interp(way, arc[:-1] + length / 2, courses) - courses[0]
     result[:, 2] = heading + turned
     return result
 

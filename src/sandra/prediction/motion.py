@@ -41,7 +41,7 @@ class Bounds:
         return travelled(speed, min(self.a_max, self.driving), self.v_max, t)
 
 
-def travelled(speed: Array, a_max: float, v_max: float, t: Array) -> Array:
+def travelled(speed: Array, a_max: float, v_max: float | Array, t: Array) -> Array:
     """Farthest way in t with v' = a_max from `speed` up to `v_max`, broadcast [m]."""
     speeding_up = np.minimum((v_max - speed) / a_max, t) if a_max > 0 else t
     ended: Array = speed * speeding_up + a_max / 2 * speeding_up**2 + v_max * (t - speeding_up)

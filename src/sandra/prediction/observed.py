@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sandra.errors import SettingsError
-from sandra.prediction.lanes import LaneMap, Place
+from sandra.prediction.lanes import Place
 from sandra.prediction.motion import Bounds
 from sandra.scene.types import Lane, Obstacle, Scene, State
 from sandra.settings import Assumptions, Settings
@@ -101,7 +102,14 @@ def motion_bounds(
     return bounds, holds, dropped
 
 
-def observe(obstacle: Obstacle, state: State, lane_map: LaneMap, a: Assumptions) -> Observed:
+class Places(Protocol):
+    """A map that knows which lanelets hold a point; see `LaneMap.places`."""
+
+    def places(self, x: float, y: float, heading: float, tolerance: float) -> list[Place]:
+        """Every lanelet that holds the point (up to `tolerance` [m])."""
+
+
+def observe(obstacle: Obstacle, state: State, lane_map: Places, a: Assumptions) -> Observed:
     """Choose the assumptions for one participant; drop those that its state violates."""
     bounds, holds, dropped = motion_bounds(obstacle, state, a)
     speed = bounds.speed

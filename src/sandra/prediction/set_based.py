@@ -61,6 +61,8 @@ from sandra.prediction.occupancy import (
     free_occupancies,
     lane_occupancies,
 )
+from sandra.prediction.straight import Driver, closed_form, road_occupancies
+from sandra.prediction.straight_road import StraightRoad
 from sandra.prediction.touched import Vehicle
 from sandra.prediction.types import PredictedObstacle
 from sandra.scene.types import Obstacle, Region, Scene, State
@@ -95,11 +97,11 @@ def predict_sets(
         ScenarioError: if a lanelet's border is not finite.
     """
     check_assumptions(settings.assumptions)
-    lane_map = build_map(scene.lanelets, _reach(scene, horizon, settings) + 1.0)
+    maps = _Maps(scene, _reach(scene, horizon, settings) + 1.0)
     states = (scene.ego.state, *(_first_seen(each.obstacle)[1] for each in likely))
     s_ego, *s = along_lane(scene, np.array([(x.x, x.y) for x in states])).tolist()
     plans = [
-        _plan(scene, each, lane_map, horizon, settings, near, (s_ego, s_other))
+        _plan(scene, each, maps, horizon, settings, near, (s_ego, s_other))
         for each, s_other in zip(likely, s, strict=True)
     ]
     lane = ego_lane(scene)
@@ -109,8 +111,8 @@ def predict_sets(
         settings.assumptions.max_overhang,
         instants,
     )
-    moving = [plan.vehicle for plan in plans if isinstance(plan, _Plan)]
-    occupancies = _occupancies(moving, lane_map, scope)
+    moving = [plan.participant for plan in plans if isinstance(plan, _Plan)]
+    occupancies = _occupancies(moving, maps, horizon, scope)
     found: list[PredictedObstacle] = []
     relied_on: dict[str, list[int]] = {"no_rear_end": [], "legal_cut_in": []}
     for each, plan in zip(likely, plans, strict=True):
@@ -147,15 +149,45 @@ def _reach(scene: Scene, horizon: int, settings: Settings) -> float:
     return float(travelled(np.array(start), a.max_acceleration, max(start, a.max_speed), time))
 
 
-def _occupancies(vehicles: list[Vehicle], lane_map: LaneMap, scope: Scope) -> Iterator[Occupancy]:
+class _Maps:
+    """The lanelets as a straight road, if they are one; and cut into cells, if anybody asks."""
+
+    def __init__(self, scene: Scene, reach: float) -> None:
+        self._scene, self._reach = scene, reach
+        self._cut: LaneMap | None = None
+        lane = ego_lane(scene)
+        road = StraightRoad.of(scene.lanelets, reach)
+        # Who keeps out of the ego's lane must know where that is.
+        known = road is not None and (lane is None or road.band(lane.lanelets) is not None)
+        self.road = road if known else None
+
+    @property
+    def cut(self) -> LaneMap:
+        """The lanelets cut into cells."""
+        if self._cut is None:
+            self._cut = build_map(self._scene.lanelets, self._reach)
+        return self._cut
+
+
+def _occupancies(
+    several: list[Vehicle | Driver], maps: _Maps, horizon: int, scope: Scope
+) -> Iterator[Occupancy]:
     """The occupancy of each, in order."""
-    on_lanes = [x for x in vehicles if x.seen.places]
+    drivers = [x for x in several if isinstance(x, Driver)]
+    vehicles = [x for x in several if isinstance(x, Vehicle)]
+    on_road: Iterator[Occupancy] = iter(())
     bound: Iterator[Occupancy] = iter(())
+    if drivers and maps.road is not None:
+        on_road = iter(road_occupancies(maps.road, drivers, horizon, scope))
+    on_lanes = [x for x in vehicles if x.seen.places]
     if on_lanes:
-        bound = iter(lane_occupancies(LaneTable.of(lane_map), on_lanes, scope))
+        bound = iter(lane_occupancies(LaneTable.of(maps.cut), on_lanes, scope))
     free = iter(free_occupancies([x for x in vehicles if not x.seen.places]))
-    for x in vehicles:
-        yield next(bound) if x.seen.places else next(free)
+    for x in several:
+        if isinstance(x, Driver):
+            yield next(on_road)
+        else:
+            yield next(bound) if x.seen.places else next(free)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -166,14 +198,14 @@ class _Plan:
     """
 
     first: int
-    vehicle: Vehicle
+    participant: Vehicle | Driver
     discs: Regions
 
 
 def _plan(
     scene: Scene,
     likely: Likely,
-    lane_map: LaneMap,
+    maps: _Maps,
     horizon: int,
     settings: Settings,
     near: Array | None = None,
@@ -193,7 +225,12 @@ def _plan(
             return anywhere
         discs = anywhere.between[: int(far.argmin())]
     now = obstacle.outline.placed(state.x, state.y, state.heading)
-    seen = observe(obstacle, state, lane_map, settings.assumptions)
+    if maps.road is not None and first == 0:
+        seen = observe(obstacle, state, maps.road, settings.assumptions)
+        law = towards_ego(scene, obstacle, state, seen, settings, s)
+        if closed_form(seen, law):
+            return _Plan(0, Driver(seen, law, state, obstacle.outline, now, len(discs)), discs)
+    seen = observe(obstacle, state, maps.cut, settings.assumptions)
     law = towards_ego(scene, obstacle, state, seen, settings, s) if first == 0 else NOTHING
     normals = directions(POSITION_DIRECTIONS, state.heading)
     times: Array = scene.dt * np.arange(horizon + 1, dtype=np.float64)
@@ -231,7 +268,7 @@ def _prediction(
     likely: Likely, plan: _Plan, occupancy: Occupancy, horizon: int, instants: bool
 ) -> PredictedObstacle:
     """Put a prediction together."""
-    obstacle, first, vehicle = likely.obstacle, plan.first, plan.vehicle
+    obstacle, first, vehicle = likely.obstacle, plan.first, plan.participant
     if first > horizon:
         return PredictedObstacle(obstacle, ((),) * (horizon + 1), ((),) * horizon, likely.states)
     steps = horizon - first

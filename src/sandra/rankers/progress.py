@@ -1,9 +1,10 @@
 """How far a pair of actions may bring the ego: the stated cost of the exhaustive ranker.
 
-A pair is driven ahead for `HORIZON` seconds among others who keep their speed: the action for
-`HOLD` seconds, then as fast as the limit and the distance for safety to the leader allow (R_G1 with
-the paper's parameters). While a change of lane lasts, the leaders of both lanes count. What a
-change costs is taken off, more where somebody is beside the ego or close behind in the other lane.
+A pair is driven ahead for `HORIZON` seconds among others who keep their acceleration for a second
+and then their speed: the action for `HOLD` seconds, then as fast as the limit and the distance for
+safety to the leader allow (R_G1 with the paper's parameters). While a change of lane lasts, the
+leaders of both lanes count. What a change costs is taken off, more where somebody is beside the ego
+or close behind in the other lane; a change that is under way is worth going on with.
 
 An estimate and no more: it orders pairs, the verifier decides about them.
 """
@@ -24,6 +25,10 @@ HOLD = 0.8
 """For so long the action is kept [s]."""
 CHANGE = 2.0
 """Duration of a change of lane [s]."""
+ACROSS = 3.5
+"""Way across the lanes until it is done [m]."""
+BRAKES = 1.0
+"""For so long others go on braking or accelerating [s]."""
 RATES = {
     Longitudinal.ACCELERATE: 2.5,
     Longitudinal.KEEP: 0.0,
@@ -38,7 +43,7 @@ REACTION, OWN_BRAKING, THEIR_BRAKING = 0.4, 6.0, 12.0
 FASTEST = 30.0
 """Where no limit is known [m/s]."""
 COST_OF_CHANGE = 4.0
-"""What a change of lane must gain [m]; one that is under way costs nothing."""
+"""What a change of lane must gain [m]; going on with one that is under way gains as much."""
 COST_OF_CONFLICT = 60.0
 """For a change to where somebody is beside the ego, or would have to brake hard [m]."""
 REAR_BRAKING = 3.0
@@ -46,38 +51,54 @@ REAR_BRAKING = 3.0
 _SIDES = {Lateral.LEFT_LANE: "left", Lateral.RIGHT_LANE: "right"}
 
 
+Leader = tuple[float, float, float]
+"""Gap [m], speed [m/s] and acceleration [m/s^2] along the lane."""
+
+
 def progress(facts: Situation, pair: ActionPair) -> float:
     """Estimated distance within `HORIZON`, less what the change of lane costs [m]."""
     own = _ahead(facts.obstacles, "same")
     side = _SIDES.get(pair.lateral)
-    there = own if side is None else _ahead(facts.obstacles, side)
-    way = _driven(facts, RATES[pair.longitudinal], own, there)
     if side is None:
-        return way
+        return _driven(facts, RATES[pair.longitudinal], own, own, 0.0)
+    moved = facts.lateral_offset if side == "left" else -facts.lateral_offset
+    lasts = CHANGE * (1.0 - min(max(moved / ACROSS, 0.0), 1.0))
+    there = _ahead(facts.obstacles, side)
+    way = _driven(facts, RATES[pair.longitudinal], own, there, lasts)
     under_way = bool(facts.past) and facts.past[-1].lateral is pair.lateral
-    return way - (0.0 if under_way else COST_OF_CHANGE) - _conflict(facts, side)
+    return way + (COST_OF_CHANGE if under_way else -COST_OF_CHANGE) - _conflict(facts, side)
 
 
 def _driven(
     facts: Situation,
     rate: float,
-    own: Sequence[tuple[float, float]],
-    there: Sequence[tuple[float, float]],
+    own: Sequence[Leader],
+    there: Sequence[Leader],
+    change: float,
 ) -> float:
-    """Distance that is driven [m]; leaders are (gap [m], speed [m/s])."""
+    """Distance that is driven [m], `change` being the duration of the change of lane [s]."""
     top = FASTEST if facts.speed_limit is None else min(facts.speed_limit, FASTEST)
     speed, way = facts.speed, 0.0
     for i in range(round(HORIZON / STEP)):
         time = i * STEP
         wanted = speed + STEP * (rate if time < HOLD else SPEED_UP)
         if time >= HOLD:
-            leaders = [*own, *there] if time < CHANGE else there
-            for gap, leader in leaders:
-                wanted = min(wanted, _safe_speed(gap + leader * time - way, leader))
+            leaders = [*own, *there] if time < change else there
+            for leader in leaders:
+                ahead, pace = _later(leader, time)
+                wanted = min(wanted, _safe_speed(ahead - way, pace))
         new = max(0.0, speed + STEP * BRAKE, min(wanted, max(top, speed)))
         way += STEP * (speed + new) / 2
         speed = new
     return way
+
+
+def _later(leader: Leader, time: float) -> tuple[float, float]:
+    """Where a leader is after some time, from the ego's front now on, and its speed [m, m/s]."""
+    gap, speed, rate = leader
+    lasts = min(time, BRAKES, speed / -rate if rate < 0.0 else BRAKES)
+    pace = speed + rate * lasts
+    return gap + (speed + pace) / 2 * lasts + pace * (time - lasts), pace
 
 
 def _safe_speed(gap: float, leader: float) -> float:
@@ -86,10 +107,10 @@ def _safe_speed(gap: float, leader: float) -> float:
     return OWN_BRAKING * (math.sqrt(REACTION**2 + 2 * room / OWN_BRAKING) - REACTION)
 
 
-def _ahead(obstacles: Sequence[ObstacleFacts], lane: str) -> list[tuple[float, float]]:
-    """(gap, speed along the lane) of all ahead in a lane [m, m/s]."""
+def _ahead(obstacles: Sequence[ObstacleFacts], lane: str) -> list[Leader]:
+    """All ahead in a lane."""
     return [
-        (o.gap, _along(o))
+        (o.gap, _along(o), 0.0 if math.isnan(o.acceleration) else o.acceleration)
         for o in obstacles
         if o.gap > 0.0 and (o.relation == lane or (lane == "same" and o.in_ego_lane))
     ]

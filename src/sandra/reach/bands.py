@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 
 BORDER_STEP = 0.25
 """Resolution at which lane borders are read [m]."""
+LONG = 400
+"""Of edges of more pieces than this only the near ones are read."""
 BORDER_MARGIN = 0.02
 """Added outwards for what lies between two such points [m]."""
 BORDER_MERGE = 0.1
@@ -214,15 +216,22 @@ def _dense(
     comes_near = np.minimum(away[:-1], away[1:]) - lengths <= farthest
     near = np.flatnonzero(comes_near & (owner[:-1] == owner[1:]))
     counts = np.maximum(1, np.ceil(lengths[near] / BORDER_STEP).astype(int))
-    # After the last of neighbouring edges comes its end.
-    is_last = np.diff(near, append=-1) != 1
-    size = counts + is_last
+    # Of a long edge only what is near: a straight lane may be one edge of many kilometres.
+    along = edge[near] / np.maximum(lengths[near], 1e-12)[:, None]
+    foot = ((middle - corners[near]) * along).sum(axis=1)
+    pieces = np.maximum(lengths[near], 1e-12) / counts
+    begin = np.clip(np.floor((foot - farthest) / pieces), 0, counts - 1).astype(int)
+    end = np.clip(np.ceil((foot + farthest) / pieces), begin + 1, counts).astype(int)
+    is_long = counts > LONG
+    begin, end = np.where(is_long, begin, 0), np.where(is_long, end, counts)
+    # After the last of neighbouring edges, and after a long one, comes its end.
+    size = end - begin + (is_long | (np.diff(near, append=-1) != 1))
     edge_of = np.repeat(np.arange(len(near)), size)
-    number = np.arange(len(edge_of)) - (np.cumsum(size) - size)[edge_of]
+    number = np.arange(len(edge_of)) - (np.cumsum(size) - size)[edge_of] + begin[edge_of]
     index = number / counts[edge_of] + near[edge_of]
     at = np.arange(len(corners))
     points = np.column_stack([np.interp(index, at, corners[:, i]) for i in (0, 1)])
-    return points, (number < counts[edge_of])[:-1], owner[near[edge_of]]
+    return points, (number < end[edge_of])[:-1], owner[near[edge_of]]
 
 
 def _per_column(start: Array, end: Array, lines: Array) -> tuple[Array, Array]:

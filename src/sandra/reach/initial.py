@@ -80,9 +80,14 @@ def _borders_between(scene: Scene, s_range: tuple[float, float], reach: float) -
     near = np.flatnonzero(np.minimum(away[:-1], away[1:]) - lengths <= farthest)
     # Beside the corners the points at each metre.
     begin = stations[near]
-    counts = np.maximum(np.ceil(begin + lengths[near]) - np.floor(begin) - 1, 0.0).astype(int)
+    # Of an edge only what is near: a straight lane may be one edge of many kilometres.
+    along = edge[near] / np.maximum(lengths[near], 1e-12)[:, None]
+    foot = begin + ((ego - corners[near]) * along).sum(axis=1)
+    low = np.maximum(begin, foot - farthest - 1.0)
+    high = np.minimum(begin + lengths[near], foot + farthest + 1.0)
+    counts = np.maximum(np.ceil(high) - np.floor(low) - 1, 0.0).astype(int)
     metre = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts) + 1
-    beyond = metre - np.repeat(begin - np.floor(begin), counts)
+    beyond = metre - np.repeat(begin - np.floor(low), counts)
     on_edge = np.repeat(near, counts)
     inner = corners[on_edge] + (beyond / lengths[on_edge])[:, None] * edge[on_edge]
     every = np.concatenate([corners, inner])

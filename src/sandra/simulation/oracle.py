@@ -7,17 +7,20 @@ distance in the closed-loop tables. It is no driver: nobody can know what it kno
 
 from __future__ import annotations
 
+import copy
 from dataclasses import dataclass
 from typing import Any
 
 from sandra.simulation.highway import ACTIONS, Environment
 
 BRAKING = 6.0
-"""Deceleration that decides whether a branch is taken to be lost [m/s^2] (about repeated SLOWER)."""
+"""Deceleration that decides whether a branch is lost [m/s^2]: about that of repeated SLOWER."""
 FORESIGHT = 2.0
 """How far ahead branches are compared [s]."""
 TIE = 0.1
 """Weight of the present place among branches behind the same car."""
+FAR = 100.0
+"""The room of who has nobody ahead [m]."""
 LOST = 100.0
 """What such a branch is set back by in the order of the search [m]."""
 BACK = 4
@@ -30,20 +33,22 @@ SPARE = 3
 class Oracle:
     """Beam search over meta-actions for the greatest distance without collision.
 
-    In each step all five meta-actions of all kept branches are simulated; of those that did not
-    crash, the best of each (lane, target lane, target speed) come first, then the others, until
+    In each step the meta-actions of all kept branches are simulated; of those that did not crash,
+    the best of each (lane, target lane, target speed) come first, then the others, until
     `width` are kept.
     """
 
-    width: int = 16
+    width: int = 8
     steps: int = 30
     """Length of the episode in decision steps."""
-    name: str = "oracle"
+    name: str = "look-ahead oracle"
     _plan: tuple[str, ...] = ()
     _next: int = 0
 
     def start(self, world: Environment) -> None:
         self._plan, self._next = search(world, self.steps, self.width), 0
+        if len(self._plan) < self.steps:
+            self._plan = search(world, self.steps, self.width, cautious=self.width // 2)
 
     def action(self, world: Environment) -> str | None:
         action = self._plan[self._next] if self._next < len(self._plan) else "SLOWER"
@@ -51,14 +56,17 @@ class Oracle:
         return action
 
 
-def search(world: Environment, steps: int, width: int) -> tuple[str, ...]:
+def search(world: Environment, steps: int, width: int, *, cautious: int = 0) -> tuple[str, ...]:
     """The actions of the farthest collision-free episode that was found from here.
+
+    So many `cautious` branches are kept in each step for the room that they leave, not for the
+    distance: where all lead into the same trap, these do not.
 
     Where all kept branches end in a collision, the search goes back a few steps, ever farther, to
     branches that were not kept. Fewer than `steps` actions: no episode was found.
     """
     levels: list[list[Branch]] = [[] for _ in range(steps + 1)]
-    levels[0] = [Branch(0.0, world.copy(), ())]
+    levels[0] = [Branch(0.0, 0.0, world.copy(), ())]
     depth, deepest, back = 0, levels[0][0], 0
     while depth < steps:
         beam, levels[depth] = levels[depth][:width], levels[depth][width : SPARE * width]
@@ -71,7 +79,7 @@ def search(world: Environment, steps: int, width: int) -> tuple[str, ...]:
         deepest = max(deepest, *beam, key=lambda branch: len(branch.actions))
         depth += 1
         levels[depth] = _order(
-            [child for branch in beam for child in _children(branch, steps - depth)]
+            [child for branch in beam for child in _children(branch, steps - depth)], cautious
         )
     ends = levels[steps]
     best = max(ends, key=lambda b: float(b.world.ego.position[0])) if ends else deepest
@@ -83,6 +91,8 @@ class Branch:
     """One beginning of an episode."""
 
     score: float
+    room: float
+    """Before the car ahead, less what braking to its speed takes [m]."""
     world: Environment
     actions: tuple[str, ...]
 
@@ -94,12 +104,12 @@ def _children(branch: Branch, left: int) -> list[Branch]:
         world = branch.world.copy()
         world.step(action)
         if not world.ego.crashed:
-            children.append(Branch(_score(world, left), world, (*branch.actions, action)))
+            children.append(Branch(*_score(world, left), world, (*branch.actions, action)))
     return children
 
 
-def _order(branches: list[Branch]) -> list[Branch]:
-    """The best of each kind, then the best of the rest; of equal ones only one."""
+def _order(branches: list[Branch], cautious: int) -> list[Branch]:
+    """The cautious, the best of each kind, then the best of the rest; of equal ones only one."""
     different = {_state(b.world): b for b in reversed(branches)}
     seen: set[Any] = set()
     first: list[Branch] = []
@@ -109,20 +119,20 @@ def _order(branches: list[Branch]) -> list[Branch]:
         kind = (ego.lane_index, ego.target_lane_index, float(ego.target_speed))
         (rest if kind in seen else first).append(branch)
         seen.add(kind)
-    return first + rest
+    order = first + rest
+    roomy = sorted(order, key=lambda b: -b.room)[:cautious]
+    return roomy + [branch for branch in order if branch not in roomy]
 
 
 def _choices(world: Environment) -> list[str]:
-    """The meta-actions that can make a difference."""
-    ego = world.ego
-    start, end, number = ego.target_lane_index
-    last = len(ego.road.network.graph[start][end]) - 1
-    return [
-        action
-        for action in ACTIONS
-        if not (action == "LANE_LEFT" and number == 0)
-        and not (action == "LANE_RIGHT" and number == last)
-    ]
+    """The meta-actions of which each sets another target."""
+    world = world.copy()  # where a lane ends, an action draws random numbers
+    different: dict[Any, str] = {}
+    for action in ("IDLE", *ACTIONS):
+        ego = copy.copy(world.ego)
+        ego.act(action)
+        different.setdefault((ego.target_lane_index, float(ego.target_speed)), action)
+    return list(different.values())
 
 
 def _state(world: Environment) -> tuple[Any, ...]:
@@ -132,8 +142,8 @@ def _state(world: Environment) -> tuple[Any, ...]:
     return (ego.target_lane_index, *(round(float(v), 6) for v in numbers))
 
 
-def _score(world: Environment, left: int) -> float:
-    """Where the ego can be a few seconds on, if nobody changes anything [m]; lost ones come last.
+def _score(world: Environment, left: int) -> tuple[float, float]:
+    """Where the ego can be a few seconds on, if nobody changes anything [m]; and its room [m].
 
     Args:
         left: decision steps until the end; nothing beyond it counts.
@@ -142,7 +152,7 @@ def _score(world: Environment, left: int) -> float:
     time = min(FORESIGHT, left * world.traffic.ticks * world.traffic.dt)
     x, speed = float(ego.position[0]), float(ego.speed)
     ahead = x + max(speed, float(ego.target_speed)) * time
-    lost = 0.0
+    room = FAR
     for lane in {ego.lane_index, ego.target_lane_index}:
         front, _ = ego.road.neighbour_vehicles(ego, lane)
         if front is None:
@@ -150,6 +160,6 @@ def _score(world: Environment, left: int) -> float:
         length = (front.LENGTH + ego.LENGTH) / 2
         behind = float(front.position[0]) - length
         ahead = min(ahead, behind + float(front.speed) * time)
-        if behind - x < max(0.0, speed - float(front.speed)) ** 2 / (2 * BRAKING):
-            lost = LOST
-    return ahead + TIE * x - lost
+        closing = max(0.0, speed - float(front.speed))
+        room = min(room, behind - x - closing**2 / (2 * BRAKING))
+    return ahead + TIE * x - (LOST if room < 0.0 else 0.0), room

@@ -1,7 +1,7 @@
-"""Naive drivers: the bottom rows of every closed-loop table.
+"""Drivers without a verifier, the bottom rows of every closed-loop table; and `play`.
 
-A policy chooses a meta-action for each decision step, and sees nothing but the environment. What
-none of them can be beaten by, is worth nothing.
+A policy chooses a meta-action for each decision step. A metric that the naive ones do well in says
+little about a driver.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from sandra.errors import SettingsError
 from sandra.simulation.highway import ACTIONS, FAIL_SAFE, Environment
+from sandra.simulation.oracle import Oracle
 
 Array = NDArray[np.float64]
 NEAR = 100.0
@@ -88,6 +89,7 @@ _POLICIES: dict[str, Callable[[int], Policy]] = {
     "fail-safe": lambda _: Always("always fail-safe", FAIL_SAFE),
     "random": lambda repeat: Random(repeat),
     "idm": lambda _: Idm(),
+    "oracle": lambda _: Oracle(),
 }
 POLICIES = tuple(_POLICIES)
 """Names for `policy`."""
