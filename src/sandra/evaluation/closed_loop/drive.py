@@ -52,6 +52,9 @@ class Drive:
     deadline: float = 30.0
     base_url: str | None = None
     settings: Settings = field(default_factory=Settings)
+    """Its `assumptions` are those that are verified with."""
+    assumptions: str = "paper"
+    """Their name, for tables: paper, conformant:FILE, or settings."""
 
     def __post_init__(self) -> None:
         if self.environment not in ENVIRONMENTS:
@@ -103,8 +106,14 @@ class Drive:
 
     def differs(self, other: dict[str, Any]) -> list[str]:
         """Names of what is different in another one's `to_dict` that went through JSON."""
-        mine = _plain(self.to_dict())
-        return [x.name for x in fields(self) if _plain(other.get(x.name)) != mine[x.name]]
+        mine, theirs = _plain(self.to_dict()), _plain(other)
+        found = [x.name for x in fields(self) if theirs.get(x.name) != mine[x.name]]
+        # What is assumed are the values in the settings; the name is none of it.
+        found = [name for name in found if name not in ("assumptions", "settings")]
+        values, other_values = mine["settings"], theirs.get("settings") or {}
+        if values.pop("assumptions") != other_values.pop("assumptions", None):
+            found.append("assumptions")
+        return found + (["settings"] if values != other_values else [])
 
 
 def _plain(value: Any) -> Any:

@@ -106,6 +106,7 @@ class RunFolder:
         told = {
             "seed": seed,
             **found.to_dict(),
+            "told": found.told(),
             "crashed": {str(i): tick for i, tick in recording.crashed.items()},
             "ticks": len(recording.ego) - 1,
             "tick": recording.scene.dt,
