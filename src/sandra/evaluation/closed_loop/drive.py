@@ -9,11 +9,12 @@ from typing import Any
 from sandra.actions import ActionPair
 from sandra.decider import Decider
 from sandra.errors import SettingsError
-from sandra.evaluation.closed_loop.driven import Outcome, outcome, run_of
+from sandra.evaluation.closed_loop.driven import Outcome, outcome, run_of, unverified
 from sandra.planning import Weights
 from sandra.settings import Settings
 from sandra.simulation.episode import Episode, Step, drive
 from sandra.simulation.highway import SETTINGS, Environment, Traffic, highway
+from sandra.simulation.policies import play_recorded, policy
 
 ENVIRONMENTS = {
     "highway": "highway-v0",
@@ -38,6 +39,10 @@ class Drive:
     """1 to 3 of the paper; for the highway only."""
     profile: str = "stock"
     steps: int = 30
+    driver: str | None = None
+    """A driver without a verifier (`sandra.simulation.policies`), instead of all below."""
+    repeat: int = 0
+    """Tells runs of a random driver apart."""
     ranker: str = "rules"
     command: str | None = None
     prediction: str = "set-based"
@@ -62,6 +67,8 @@ class Drive:
             raise SettingsError(f"environment '{self.environment}' is unknown; known are {known}")
         if self.environment == "highway" and self.setting not in SETTINGS:
             raise SettingsError(f"setting: {self.setting} is unknown; the paper's are 1, 2 and 3")
+        if self.driver is not None:
+            policy(self.driver)
         if self.steps < 1:
             raise SettingsError(f"steps = {self.steps} must be at least 1")
 
@@ -106,11 +113,12 @@ class Drive:
 
     def differs(self, other: dict[str, Any]) -> list[str]:
         """Names of what is different in another one's `to_dict` that went through JSON."""
-        mine, theirs = _plain(self.to_dict()), _plain(other)
+        mine = _plain(self.to_dict())
+        theirs = {**_plain(Drive().to_dict()), **_plain(other)}
         found = [x.name for x in fields(self) if theirs.get(x.name) != mine[x.name]]
         # What is assumed are the values in the settings; the name is none of it.
         found = [name for name in found if name not in ("assumptions", "settings")]
-        values, other_values = mine["settings"], theirs.get("settings") or {}
+        values, other_values = mine["settings"], theirs["settings"]
         if values.pop("assumptions") != other_values.pop("assumptions", None):
             found.append("assumptions")
         return found + (["settings"] if values != other_values else [])
@@ -132,8 +140,14 @@ def play(
 ) -> tuple[Episode, Outcome]:
     """Drive one episode, and measure it."""
     name = f"{how.name}-{seed}"
-    episode = drive(how.world(), seed, how.decider(), name=name, steps=how.steps, on_step=on_step)
     setting = how.setting if how.environment == "highway" else None
+    if how.driver is not None:
+        world, driver = how.world(), policy(how.driver, how.repeat)
+        played, recording = play_recorded(
+            world, seed, driver, name=name, steps=how.steps, setting=setting
+        )
+        return unverified(recording, played, world.traffic.ticks, how.settings)
+    episode = drive(how.world(), seed, how.decider(), name=name, steps=how.steps, on_step=on_step)
     run = run_of(episode, how.ranker, seed, setting, how.profile)
     return episode, outcome(episode, run, how.settings)
 

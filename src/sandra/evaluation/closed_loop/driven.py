@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
@@ -25,8 +26,12 @@ from sandra.scene.types import Scene
 from sandra.settings import Settings
 from sandra.simulation.episode import Episode
 from sandra.simulation.policies import NEAR, Run
+from sandra.simulation.recording import Recording
 
 Array = NDArray[np.float64]
+
+UNVERIFIED = "unverified"
+"""The operation of drivers without a verifier."""
 
 
 def at_decisions(episode: Episode) -> Scene:
@@ -34,11 +39,16 @@ def at_decisions(episode: Episode) -> Scene:
 
     The accelerations are NaN, so that the monitor derives those that a step had on the whole.
     """
-    scene, stride = episode.recording.scene, episode.ticks_per_step
+    return every(episode.recording.scene, episode.ticks_per_step)
+
+
+def every(scene: Scene, stride: int) -> Scene:
+    """Every so many rows of a recording, accelerations as in `at_decisions`."""
     obstacles = tuple(
         o if o.states is None else replace(o, states=o.states[::stride]) for o in scene.obstacles
     )
-    ego = episode.recording.ego[::stride].copy()
+    assert scene.recorded_ego is not None, "a recording has an ego"
+    ego = scene.recorded_ego[::stride].copy()
     ego[:, 4] = np.nan
     return replace(scene, dt=scene.dt * stride, obstacles=obstacles, recorded_ego=ego)
 
@@ -112,14 +122,17 @@ class Collision:
     """By what the ego was driven."""
     since: int
     """The decision that the last proof rests on; 0 where there was none before."""
-    at_fault: bool
-    """Whether the partner had broken no assumption that the ego relied on since then."""
+    at_fault: bool | None
+    """Whether the partner had broken no assumption that the ego relied on since then; None where
+    nothing was ever verified."""
     breaches: tuple[Breach, ...]
     """Of the partner, from that decision to the collision."""
 
     def __str__(self) -> str:
         who = "an obstacle" if self.partner is None else f"vehicle {self.partner}"
         told = f"collision at {self.time:.2f} s with {who}, driven by: {self.operation}; "
+        if self.at_fault is None:
+            return told + "nothing was verified"
         if self.at_fault:
             return told + "at fault: the other broke no assumption before"
         return told + "not at fault: " + "; ".join(map(str, self.breaches))
@@ -191,6 +204,33 @@ def outcome(
         collision=_collision(episode, settings),
         ended=episode.ended,
         decision_cpu=(float(np.mean(cpu)), float(np.max(cpu))) if cpu else (0.0, 0.0),
+    )
+
+
+def unverified(
+    recording: Recording, run: Run, stride: int, settings: Settings, rules: Sequence[str] = RULES
+) -> tuple[Episode, Outcome]:
+    """Measure what a driver without a verifier drove."""
+    crash = recording.ego_crash
+    ended = None if crash is None else f"step {run.steps - 1}: the ego has crashed"
+    episode = Episode(recording, (), stride, run.steps, ended)
+    collision = None
+    if crash is not None:
+        time = crash * recording.scene.dt
+        partner = partner_of(episode, crash)
+        collision = Collision(crash, time, partner, UNVERIFIED, 0, None, ())
+    return episode, Outcome(
+        metrics=measure(run, compliance(episode, run, settings, rules), rules),
+        operations={UNVERIFIED: run.steps},
+        pairs=dict(Counter(run.actions)),
+        first_certificate=None,
+        uncovered=(),
+        lapses=(),
+        unexplained=(),
+        outside=0,
+        collision=collision,
+        ended=ended,
+        decision_cpu=(math.nan, math.nan),
     )
 
 

@@ -109,6 +109,7 @@ class RunFolder:
             "told": found.told(),
             "crashed": {str(i): tick for i, tick in recording.crashed.items()},
             "ticks": len(recording.ego) - 1,
+            "ticks_per_step": episode.ticks_per_step,
             "tick": recording.scene.dt,
         }
         _write(draft / "metrics.json", told)
