@@ -40,6 +40,13 @@ def add(actions: Any) -> None:
         metavar="NAME",
         help="rows of one more ranker, such as openai:gpt-4o; may be repeated",
     )
+    parser.add_argument(
+        "--driver",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="a row of one more driver without a verifier: dilu:MODEL (docs/dilu.md)",
+    )
     parser.add_argument("--command", dest="wish", metavar="TEXT", help="the driver's wish")
     parser.add_argument("--base-url", metavar="URL", help="of an OpenAI-compatible server")
     parser.add_argument("--settings", default="1,2,3", metavar="LIST", help="of the paper")
@@ -135,16 +142,22 @@ def rows_of(arguments: argparse.Namespace) -> tuple[Row, ...]:
     from sandra.evaluation.closed_loop.rows import all_rows, selected
     from sandra.rankers import create
     from sandra.settings import Assumptions
+    from sandra.simulation.dilu import located
+    from sandra.simulation.policies import policy
 
     if arguments.repeats < 1:
         raise SandraError(f"--repeats {arguments.repeats}: at least 1")
     for ranker in arguments.ranker:
         create(ranker, base_url=arguments.base_url)  # rather an error now than after minutes
+    drivers = [located(name, arguments.base_url) for name in arguments.driver]
+    for driver in drivers:
+        policy(driver)
     base = Drive(profile=arguments.profile, command=arguments.wish, base_url=arguments.base_url)
     chosen = arguments.assumptions
     rows = all_rows(
         base,
         rankers=arguments.ranker,
+        drivers=drivers,
         conformant=None if chosen in (None, "paper") else (chosen, Assumptions.named(chosen)),
         repeats=arguments.repeats,
     )

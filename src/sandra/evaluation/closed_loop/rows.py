@@ -58,6 +58,7 @@ def all_rows(
     base: Drive = Drive(),  # noqa: B008  (frozen)
     *,
     rankers: Sequence[str] = (),
+    drivers: Sequence[str] = (),
     conformant: tuple[str, Assumptions] | None = None,
     repeats: int = 3,
 ) -> tuple[Row, ...]:
@@ -66,6 +67,7 @@ def all_rows(
     Args:
         base: profile, settings, server and so on of all of them.
         rankers: more rankers, such as openai:MODEL.
+        drivers: more drivers without a verifier, such as dilu:MODEL.
         conformant: name and bounds of a set that was found by `sandra conformance`.
         repeats: of the random driver.
     """
@@ -77,8 +79,9 @@ def all_rows(
                 replace(base, driver=name, repeat=repeat)
                 for repeat in range(repeats if name == "random" else 1)
             ),
+            "DiLu" if name.startswith("dilu:") else None,
         )
-        for name, title in UNVERIFIED.items()
+        for name, title in {**UNVERIFIED, **{x: x.partition("@")[0] for x in drivers}}.items()
     ]
     paper = Assumptions()
     bounds = {"paper": paper}

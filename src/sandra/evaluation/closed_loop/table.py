@@ -7,13 +7,21 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from sandra.evaluation.closed_loop.batch import one
 from sandra.evaluation.closed_loop.drive import Drive
+from sandra.evaluation.closed_loop.entry import (
+    RULES,
+    Entry,
+    beside_cells,
+    main_cells,
+    paper_dict,
+    printed_cells,
+)
 from sandra.evaluation.closed_loop.folder import RunFolder
 from sandra.evaluation.closed_loop.metrics import (
     OURS,
@@ -21,30 +29,12 @@ from sandra.evaluation.closed_loop.metrics import (
     Convention,
     Metrics,
     Proofs,
-    Summary,
     summarise,
 )
-from sandra.evaluation.closed_loop.paper import TABLE, Printed, printed
+from sandra.evaluation.closed_loop.paper import TABLE
 from sandra.evaluation.closed_loop.rows import Row
 from sandra.evaluation.closed_loop.sheet import Sheet
 from sandra.evaluation.workers import Broken, in_order
-
-RULES = ("R_G1", "R_G2", "R_G3")
-
-
-@dataclass(frozen=True, slots=True)
-class Entry:
-    """What a row achieved in one setting. `summary` is None where no episode is there."""
-
-    row: Row
-    setting: int
-    summary: Summary | None
-    folders: tuple[Path, ...] = ()
-    """Those of its episodes."""
-    pairs: Mapping[str, int] = field(default_factory=dict)
-    """How often each pair, or meta-action, was driven."""
-    broken: tuple[str, ...] = ()
-    """Episodes that broke off with an error."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +56,7 @@ class Table:
 
     def main(self) -> Sheet:
         """The paper's metrics, with the paper's rows, and beside our rows those of the paper."""
-        shown = [_printed(x) for x in TABLE if x.setting in {e.setting for e in self.entries}]
+        shown = [printed_cells(x) for x in TABLE if x.setting in {e.setting for e in self.entries}]
         counted = "all but the last" if self.convention is PAPER else "all"
         return Sheet(
             f"Profile {self.profile}; {counted} of the 30 steps must be free of collision. Rows "
@@ -83,7 +73,7 @@ class Table:
                 "fail-safe %",
                 "the paper's",
             ),
-            (*shown, *(_main(e) for e in self.entries)),
+            (*shown, *(main_cells(e) for e in self.entries)),
         )
 
     def beside(self) -> Sheet:
@@ -112,7 +102,7 @@ class Table:
                 "uncovered (unexplained)",
                 "CPU s, mean (most)",
             ),
-            tuple(_beside(e, oracle.get(e.setting)) for e in self.entries),
+            tuple(beside_cells(e, oracle.get(e.setting)) for e in self.entries),
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -126,7 +116,7 @@ class Table:
                     "setting": e.setting,
                     **({} if e.summary is None else asdict(e.summary)),
                     "broken": list(e.broken),
-                    "paper": _as_dict(e),
+                    "paper": paper_dict(e),
                 }
                 for e in self.entries
             ],
@@ -233,83 +223,3 @@ def proofs_of(data: dict[str, Any]) -> Proofs | None:
         cpu=mean,
         cpu_max=most,
     )
-
-
-def _main(entry: Entry) -> tuple[str, ...]:
-    s, theirs = entry.summary, _paper(entry)
-    told = "-" if theirs is None else _short(theirs)
-    if s is None:
-        return (entry.row.title, str(entry.setting), *("-",) * 8, told)
-    low, high = s.success_interval
-    return (
-        entry.row.title,
-        str(entry.setting),
-        f"{100 * s.success_rate:.0f} [{100 * low:.0f}, {100 * high:.0f}]",
-        _number(s.collision_free_steps),
-        *(_number(s.compliant_steps[rule]) for rule in RULES),
-        _number(s.success_steps),
-        _number(s.distance),
-        _number(100 * s.fail_safe_rate),
-        told,
-    )
-
-
-def _beside(entry: Entry, oracle: float | None) -> tuple[str, ...]:
-    s = entry.summary
-    if s is None:
-        return (entry.row.title, str(entry.setting), *("-",) * 10)
-    share = "-" if not oracle or math.isnan(s.distance) else f"{100 * s.distance / oracle:.0f}"
-    names = ("certified", "carried", "renewed", "emergency")
-    proven = s.at_fault is not None
-    failed = s.episodes - s.successes
-    by = " / ".join(f"{100 * s.operations.get(name, 0.0):.0f}" for name in names)
-    return (
-        entry.row.title,
-        str(entry.setting),
-        f"{s.episodes} ({s.seeds})",
-        _number(s.distance_all),
-        share,
-        f"{s.relative_speed:+.1f}",
-        _number(s.lane_changes),
-        by if proven else "-",
-        f"{s.certified_starts} of {s.episodes}" if proven else "-",
-        f"{s.at_fault} / {s.not_at_fault}"
-        if proven
-        else f"{s.episodes - s.successes} (unverified)",
-        f"{s.uncovered} ({s.unexplained})" if proven else "-",
-        f"{s.cpu:.2f} ({s.cpu_max:.2f})" if proven else "-",
-    )
-
-
-def _printed(x: Printed) -> tuple[str, ...]:
-    return (
-        f"paper: {x.method}",
-        str(x.setting),
-        _number(x.success_rate),
-        _number(x.collision_free_steps),
-        _number(x.r_g1),
-        _number(x.r_g2),
-        _number(x.r_g3),
-        _number(x.success_steps),
-        _number(x.distance),
-        "-" if x.fail_safe_rate is None else _number(x.fail_safe_rate),
-        "",
-    )
-
-
-def _short(x: Printed) -> str:
-    rate = "-" if x.fail_safe_rate is None else f"{x.fail_safe_rate:.1f}"
-    return f"{x.success_rate:.0f} / {x.success_steps:.1f} / {x.distance:.1f} / {rate}"
-
-
-def _paper(entry: Entry) -> Printed | None:
-    return None if entry.row.paper is None else printed(entry.row.paper, entry.setting)
-
-
-def _as_dict(entry: Entry) -> dict[str, Any] | None:
-    found = _paper(entry)
-    return None if found is None else asdict(found)
-
-
-def _number(value: float) -> str:
-    return "-" if math.isnan(value) else f"{value:.1f}"
