@@ -30,7 +30,7 @@ def add(actions: Any) -> None:
         default="*",
         metavar="PATTERNS",
         help="names as of files, spaces between: DRIVER (idle, slower, faster, fail-safe, random, "
-        "idm, oracle) or RANKER/PREDICTION/RULES/ASSUMPTIONS",
+        "idm, oracle), RANKER/PREDICTION/RULES/ASSUMPTIONS, or the same with meta: before it",
     )
     parser.add_argument("--list", action="store_true", help="print the names of the rows, no more")
     parser.add_argument(

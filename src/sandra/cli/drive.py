@@ -61,6 +61,12 @@ def add(commands: Any) -> None:
     parser.add_argument(
         "--horizon", type=int, metavar="H", help="steps to verify (default: the paper's, 8 or 15)"
     )
+    parser.add_argument(
+        "--execution",
+        default="trajectory",
+        metavar="NAME",
+        help="trajectory: certified trajectories; meta: the meta-actions of the paper",
+    )
     parser.add_argument("--k", type=int, metavar="K", help="number of ranked pairs (default: 3)")
     parser.add_argument("--mode", default="rank", metavar="NAME", help="as in 'sandra decide'")
     parser.add_argument(
@@ -92,6 +98,7 @@ def drive_of(arguments: argparse.Namespace) -> Drive:
         prediction=arguments.prediction,
         rules=tuple(parse_rules(arguments.rules)),
         horizon=arguments.horizon,
+        execution=arguments.execution,
         mode=arguments.mode,
         k=arguments.k,
         emergency_braking=arguments.emergency_braking,
@@ -125,7 +132,7 @@ def default_name(how: Drive) -> str:
     rules = "-".join(how.rules) or "no-rules"
     assumptions = "" if how.assumptions == "paper" else how.assumptions
     words = [how.name, how.profile, how.ranker, how.prediction, rules, how.command or ""]
-    words.append(assumptions)
+    words += [assumptions, "" if how.execution == "trajectory" else how.execution]
     text = "_".join(word for word in words if word)
     return "".join(c if c.isalnum() or c in "-_." else "-" for c in text)[:120]
 

@@ -89,6 +89,9 @@ def test_every_variant_has_a_row():
         assert len(mine) == 2 * 2 * 3
         assert {row.drives[0].prediction for row in mine} == {"most-likely", "set-based"}
         assert all(printed(row.paper, 1) is not None for row in mine)
+        mine = selected(rows, f"meta:{ranker}/*")
+        assert len(mine) == 2 * 2
+        assert {row.drives[0].execution for row in mine} == {"meta"}
     (worst,) = selected(rows, "rules/set-based/rules/any-cut-in")
     (how,) = worst.in_setting(3)
     assert (how.setting, how.rules) == (3, ("R_G1", "R_G2", "R_G3"))

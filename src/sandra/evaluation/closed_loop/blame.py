@@ -22,11 +22,12 @@ from sandra.planning.surroundings import Surroundings
 from sandra.scene.types import Scene
 from sandra.settings import Settings
 from sandra.simulation.episode import Episode, Step
+from sandra.simulation.meta import Meta
 
 TOUCHING = 1.0
 """Who is farther away when the ego crashes is not its partner [m]."""
-MADE = (Operation.CERTIFIED, Operation.RENEWED)
-"""Steps in which the fail-safe that is carried was made."""
+MADE = (Operation.CERTIFIED, Operation.RENEWED, Meta.VERIFIED)
+"""Steps in which what is driven from then on was proven, as far as it is."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,9 +177,8 @@ def _fail_safe(step: Step) -> Trajectory | None:
 
 def _relied(step: Step, vehicles: Collection[int]) -> dict[int, tuple[str, ...]]:
     """What the set-based prediction of a step assumed of some vehicles."""
-    basis = step.decision.basis
-    if basis is None:
+    basis, given = step.decision.basis, step.decision.ground.prediction
+    sets = given if basis is None else basis.set_based
+    if sets.kind != "set-based":
         return {}
-    return {
-        o.obstacle.id: o.assumptions for o in basis.set_based.obstacles if o.obstacle.id in vehicles
-    }
+    return {o.obstacle.id: o.assumptions for o in sets.obstacles if o.obstacle.id in vehicles}

@@ -11,9 +11,11 @@ from sandra.decider import Decider
 from sandra.errors import SettingsError
 from sandra.evaluation.closed_loop.driven import Outcome, outcome, run_of, unverified
 from sandra.planning import Weights
+from sandra.rankers import create
 from sandra.settings import Settings
 from sandra.simulation.episode import Episode, Step, drive
 from sandra.simulation.highway import SETTINGS, Environment, Traffic, highway
+from sandra.simulation.meta import drive_meta
 from sandra.simulation.policies import play_recorded, policy
 
 ENVIRONMENTS = {
@@ -26,6 +28,7 @@ ENVIRONMENTS = {
 """Names on the command line, and highway-env's own."""
 HORIZONS = {"most-likely": 15, "constant-velocity": 15, "set-based": 8}
 """Steps that are verified, by prediction (paper Tab. "General parameters", highway-env)."""
+EXECUTIONS = ("trajectory", "meta")
 DRIVER = Weights(jerk=0.05, lateral=0.1, change=5.0, speed=3.0, desired_speed=30.0)
 """What a brisk driver asks of a trajectory; it chooses among those that hold."""
 
@@ -49,6 +52,8 @@ class Drive:
     rules: tuple[str, ...] = ()
     horizon: int | None = None
     """Default: that of the paper for the prediction (`HORIZONS`)."""
+    execution: str = "trajectory"
+    """What is driven: certified trajectories, or (`meta`) the paper's meta-actions."""
     mode: str = "rank"
     walk: str = "first"
     k: int | None = None
@@ -67,6 +72,10 @@ class Drive:
             raise SettingsError(f"environment '{self.environment}' is unknown; known are {known}")
         if self.environment == "highway" and self.setting not in SETTINGS:
             raise SettingsError(f"setting: {self.setting} is unknown; the paper's are 1, 2 and 3")
+        if self.execution not in EXECUTIONS:
+            raise SettingsError(
+                f"execution '{self.execution}' is unknown; known are {', '.join(EXECUTIONS)}"
+            )
         if self.driver is not None:
             policy(self.driver)
         if self.steps < 1:
@@ -92,20 +101,25 @@ class Drive:
     def decider(self) -> Decider:
         """Who decides, without any memory yet."""
         return Decider(
-            self.ranker,
+            create(self.ranker, base_url=self.base_url, deadline=self.deadline),
             self.command,
             emergency_braking=self.emergency_braking,
-            prediction=self.prediction,
-            rules=self.rules,
-            horizon=self.steps_verified,
-            mode=self.mode,
             walk=self.walk,
-            k=self.k,
-            deadline=self.deadline,
-            base_url=self.base_url,
-            settings=self.settings,
             weights=DRIVER,
+            **self.options(),
         )
+
+    def options(self) -> dict[str, Any]:
+        """Of `sandra.decide`, for every execution."""
+        return {
+            "prediction": self.prediction,
+            "rules": self.rules,
+            "horizon": self.steps_verified,
+            "mode": self.mode,
+            "k": self.k,
+            "deadline": self.deadline,
+            "settings": self.settings,
+        }
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON; `Drive.from_dict` reads it back."""
@@ -147,7 +161,21 @@ def play(
             world, seed, driver, name=name, steps=how.steps, setting=setting
         )
         return unverified(recording, played, world.traffic.ticks, how.settings)
-    episode = drive(how.world(), seed, how.decider(), name=name, steps=how.steps, on_step=on_step)
+    if how.execution == "meta":
+        episode = drive_meta(
+            how.world(),
+            seed,
+            create(how.ranker, base_url=how.base_url, deadline=how.deadline),
+            how.command,
+            name=name,
+            steps=how.steps,
+            on_step=on_step,
+            **how.options(),
+        )
+    else:
+        episode = drive(
+            how.world(), seed, how.decider(), name=name, steps=how.steps, on_step=on_step
+        )
     run = run_of(episode, how.ranker, seed, setting, how.profile)
     return episode, outcome(episode, run, how.settings)
 

@@ -59,6 +59,7 @@ def beside_cells(entry: Entry, oracle: float | None) -> tuple[str, ...]:
     names = ("certified", "carried", "renewed", "emergency")
     proven = s.at_fault is not None
     failed = s.episodes - s.successes
+    verified = s.operations.get("verified")
     by = " / ".join(f"{100 * s.operations.get(name, 0.0):.0f}" for name in names)
     return (
         entry.row.title,
@@ -68,7 +69,7 @@ def beside_cells(entry: Entry, oracle: float | None) -> tuple[str, ...]:
         share,
         f"{s.relative_speed:+.1f}",
         _number(s.lane_changes),
-        by if proven else "-",
+        (by if verified is None else f"verified {100 * verified:.0f}") if proven else "-",
         f"{s.certified_starts} of {s.episodes}" if proven else "-",
         f"{s.at_fault} / {s.not_at_fault}" if proven else f"{failed} (unverified)",
         f"{s.uncovered} ({s.unexplained})" if proven else "-",

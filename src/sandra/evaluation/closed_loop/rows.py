@@ -30,8 +30,8 @@ RANKERS = (
     "garbage",
 )
 """Rankers that need no cloud; those that this version knows are rows."""
-PREDICTIONS = {"most-likely": "most-likely", "set-based": "set-based"}
-RULES = {"no-rules": (), "rules": ("R_G1", "R_G2", "R_G3")}
+PREDICTIONS = ("most-likely", "set-based")
+RULES: dict[str, tuple[str, ...]] = {"no-rules": (), "rules": ("R_G1", "R_G2", "R_G3")}
 WORST_CUT_IN = "any-cut-in"
 """The paper's bounds, and others may cut in however close."""
 
@@ -84,32 +84,38 @@ def all_rows(
         for name, title in {**UNVERIFIED, **{x: x.partition("@")[0] for x in drivers}}.items()
     ]
     paper = Assumptions()
-    bounds = {"paper": paper}
+    bounds = {"paper": ("paper", paper)}
     if conformant is not None:
-        bounds["conformant"] = conformant[1]
-    bounds[WORST_CUT_IN] = replace(paper, legal_cut_in=False)
+        bounds["conformant"] = conformant
+    bounds[WORST_CUT_IN] = (WORST_CUT_IN, replace(paper, legal_cut_in=False))
     for ranker in dict.fromkeys([*filter(_known, RANKERS), *rankers]):
         for prediction in PREDICTIONS:
-            for rules, names in RULES.items():
-                for assumed, values in bounds.items():
-                    told = conformant[0] if assumed == "conformant" and conformant else assumed
-                    how = replace(
-                        base,
-                        ranker=ranker,
-                        prediction=prediction,
-                        rules=names,
-                        assumptions=told,
-                        settings=base.settings.replace(assumptions=values),
+            for rules in RULES:
+                how = replace(base, ranker=ranker, prediction=prediction, rules=RULES[rules])
+                words = f"{prediction}, {rules.replace('-', ' ')}"
+                found.append(
+                    Row(
+                        f"meta:{ranker}/{prediction}/{rules}/paper",
+                        f"meta-actions, {ranker}, {words}",
+                        (_under(replace(how, execution="meta"), *bounds["paper"]),),
+                        words,
                     )
-                    found.append(
-                        Row(
-                            f"{ranker}/{prediction}/{rules}/{assumed}",
-                            f"{ranker}, {prediction}, {rules.replace('-', ' ')}, {assumed}",
-                            (how,),
-                            f"{prediction}, {rules.replace('-', ' ')}",
-                        )
+                )
+                found += [
+                    Row(
+                        f"{ranker}/{prediction}/{rules}/{assumed}",
+                        f"{ranker}, {words}, {assumed}",
+                        (_under(how, *named),),
+                        words,
                     )
+                    for assumed, named in bounds.items()
+                ]
     return tuple(found)
+
+
+def _under(how: Drive, name: str, assumptions: Assumptions) -> Drive:
+    settings = how.settings.replace(assumptions=assumptions)
+    return replace(how, assumptions=name, settings=settings)
 
 
 def selected(rows: Sequence[Row], patterns: str) -> tuple[Row, ...]:
