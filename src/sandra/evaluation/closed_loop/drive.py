@@ -10,6 +10,7 @@ from sandra.actions import ActionPair
 from sandra.decider import Decider
 from sandra.errors import SettingsError
 from sandra.evaluation.closed_loop.driven import Outcome, outcome, run_of, unverified
+from sandra.evaluation.closed_loop.metrics import Convention
 from sandra.planning import Weights
 from sandra.rankers import create
 from sandra.settings import Settings
@@ -155,12 +156,14 @@ def play(
     """Drive one episode, and measure it."""
     name = f"{how.name}-{seed}"
     setting = how.setting if how.environment == "highway" else None
+    whole = Convention(how.steps, how.steps)
     if how.driver is not None:
         world, driver = how.world(), policy(how.driver, how.repeat)
         played, recording = play_recorded(
             world, seed, driver, name=name, steps=how.steps, setting=setting
         )
-        return unverified(recording, played, world.traffic.ticks, how.settings)
+        ticks = world.traffic.ticks
+        return unverified(recording, played, ticks, how.settings, convention=whole)
     if how.execution == "meta":
         episode = drive_meta(
             how.world(),
@@ -177,7 +180,7 @@ def play(
             how.world(), seed, how.decider(), name=name, steps=how.steps, on_step=on_step
         )
     run = run_of(episode, how.ranker, seed, setting, how.profile)
-    return episode, outcome(episode, run, how.settings)
+    return episode, outcome(episode, run, how.settings, convention=whole)
 
 
 def words(pair: ActionPair | None) -> str:

@@ -208,7 +208,12 @@ def outcome(
 
 
 def unverified(
-    recording: Recording, run: Run, stride: int, settings: Settings, rules: Sequence[str] = RULES
+    recording: Recording,
+    run: Run,
+    stride: int,
+    settings: Settings,
+    rules: Sequence[str] = RULES,
+    convention: Convention = OURS,
 ) -> tuple[Episode, Outcome]:
     """Measure what a driver without a verifier drove."""
     crash = recording.ego_crash
@@ -220,7 +225,7 @@ def unverified(
         partner = partner_of(episode, crash)
         collision = Collision(crash, time, partner, UNVERIFIED, 0, None, ())
     return episode, Outcome(
-        metrics=measure(run, compliance(episode, run, settings, rules), rules),
+        metrics=measure(run, compliance(episode, run, settings, rules), rules, convention),
         operations={UNVERIFIED: run.steps},
         pairs=dict(Counter(run.actions)),
         first_certificate=None,
