@@ -134,7 +134,7 @@ class Collision:
         if self.at_fault is None:
             return told + "nothing was verified"
         if self.at_fault:
-            return told + "at fault: the other broke no assumption before"
+            return told + "at fault: the other had broken nothing that was relied on"
         return told + "not at fault: " + "; ".join(map(str, self.breaches))
 
 
