@@ -111,11 +111,12 @@ def test_a_row():
 
 
 def test_a_row_with_proofs():
-    one = Proofs(None, 2, 1, True, {"certified": 27, "carried": 3}, 0.1, 0.2)
-    two = Proofs(True, 0, 0, False, {"certified": 5, "emergency": 5}, 0.3, 0.5)
-    three = Proofs(False, 4, 0, False, {"emergency": 10}, 0.2, 0.3)
+    one = Proofs(None, False, 2, 1, True, {"certified": 27, "carried": 3}, 0.1, 0.2)
+    two = Proofs(True, True, 0, 0, False, {"certified": 5, "emergency": 5}, 0.3, 0.5)
+    three = Proofs(False, False, 4, 0, False, {"emergency": 10}, 0.2, 0.3)
     row = summarise([(seed, measure(run(seed=seed))) for seed in (1, 2, 3)], [one, two, three])
     assert (row.at_fault, row.not_at_fault, row.certified_starts) == (1, 1, 1)
+    assert row.standing == 1
     assert (row.uncovered, row.unexplained) == (6, 1)
     assert row.operations == {"certified": 0.64, "carried": 0.06, "emergency": 0.3}
     assert row.cpu == pytest.approx(0.2)

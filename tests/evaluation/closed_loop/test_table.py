@@ -137,7 +137,7 @@ def test_one_certified_row_with_figures(tmp_path, capsys):
     (row,) = table.beside().rows
     certified = 100 * table.entries[0].summary.operations.get("certified", 0.0)
     assert row[7].startswith(f"{certified:.0f} / ")
-    assert row[9] == "0 / 0"
+    assert row[9] == "0 / 0 (0)"
     assert "(" in row[11]
     from sandra.cli.closed_loop import _draw
 

@@ -30,6 +30,8 @@ from sandra.simulation.recording import Recording
 
 Array = NDArray[np.float64]
 
+STANDS = 0.1
+"""The ego stands if it is no faster [m/s] (the paper's v_err)."""
 UNVERIFIED = "unverified"
 """The operation of drivers without a verifier."""
 
@@ -120,6 +122,8 @@ class Collision:
     """Id of the vehicle that the ego touched."""
     operation: str
     """By what the ego was driven."""
+    speed: float
+    """Of the ego, a tick before [m/s]: whoever stands has come to the end of a fail-safe."""
     since: int
     """The decision that the last proof rests on; 0 where there was none before."""
     at_fault: bool | None
@@ -130,7 +134,8 @@ class Collision:
 
     def __str__(self) -> str:
         who = "an obstacle" if self.partner is None else f"vehicle {self.partner}"
-        told = f"collision at {self.time:.2f} s with {who}, driven by: {self.operation}; "
+        told = f"collision at {self.time:.2f} s with {who}, driven by: {self.operation}, "
+        told += f"at {self.speed:.1f} m/s; "
         if self.at_fault is None:
             return told + "nothing was verified"
         if self.at_fault:
@@ -168,6 +173,7 @@ class Outcome:
         """What a row of the table tells of it beside the metrics."""
         return Proofs(
             at_fault=None if self.collision is None else self.collision.at_fault,
+            standing=self.collision is not None and self.collision.speed <= STANDS,
             uncovered=len(self.uncovered),
             unexplained=len(self.unexplained),
             certified_start=self.first_certificate == 0,
@@ -223,7 +229,8 @@ def unverified(
     if crash is not None:
         time = crash * recording.scene.dt
         partner = partner_of(episode, crash)
-        collision = Collision(crash, time, partner, UNVERIFIED, 0, None, ())
+        speed = _speed_before(recording, crash)
+        collision = Collision(crash, time, partner, UNVERIFIED, speed, 0, None, ())
     return episode, Outcome(
         metrics=measure(run, compliance(episode, run, settings, rules), rules, convention),
         operations={UNVERIFIED: run.steps},
@@ -263,4 +270,9 @@ def _collision(episode: Episode, settings: Settings) -> Collision | None:
     step = min(max(tick - 1, 0) // episode.ticks_per_step, len(episode.steps) - 1)
     operation = episode.steps[step].operation if episode.steps else Operation.EMERGENCY
     time = tick * recording.scene.dt
-    return Collision(tick, time, partner, operation.value, since, not found, found)
+    speed = _speed_before(recording, tick)
+    return Collision(tick, time, partner, operation.value, speed, since, not found, found)
+
+
+def _speed_before(recording: Recording, tick: int) -> float:
+    return float(recording.ego[max(tick - 1, 0), 3])

@@ -71,7 +71,7 @@ def beside_cells(entry: Entry, oracle: float | None) -> tuple[str, ...]:
         _number(s.lane_changes),
         (by if verified is None else f"verified {100 * verified:.0f}") if proven else "-",
         f"{s.certified_starts} of {s.episodes}" if proven and verified is None else "-",
-        f"{s.at_fault} / {s.not_at_fault}" if proven else f"{failed} (unverified)",
+        f"{s.at_fault} / {s.not_at_fault} ({s.standing})" if proven else f"{failed} (unverified)",
         f"{s.uncovered} ({s.unexplained})" if proven and verified is None else "-",
         f"{s.cpu:.2f} ({s.cpu_max:.2f})" if proven else "-",
     )

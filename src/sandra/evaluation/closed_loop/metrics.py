@@ -110,6 +110,8 @@ class Proofs:
 
     at_fault: bool | None
     """Of the collision; None without one."""
+    standing: bool
+    """Whether the ego stood when it was hit."""
     uncovered: int
     """Steps after the first certificate without a fail-safe known to be clear of others."""
     unexplained: int
@@ -151,6 +153,8 @@ class Summary:
     """Collisions before which the other had broken no assumption; None: nothing was verified."""
     not_at_fault: int | None = None
     """Collisions before which it had."""
+    standing: int | None = None
+    """Collisions, of either kind, in which the ego stood."""
     uncovered: int | None = None
     """Steps after a first certificate without a fail-safe known to be clear, over all episodes."""
     unexplained: int | None = None
@@ -203,6 +207,7 @@ def _together(proofs: Sequence[Proofs]) -> dict[str, Any]:
     return {
         "at_fault": sum(p.at_fault is True for p in proofs),
         "not_at_fault": sum(p.at_fault is False for p in proofs),
+        "standing": sum(p.standing for p in proofs),
         "uncovered": sum(p.uncovered for p in proofs),
         "unexplained": sum(p.unexplained for p in proofs),
         "certified_starts": sum(p.certified_start for p in proofs),

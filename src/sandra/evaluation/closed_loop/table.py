@@ -14,6 +14,7 @@ from typing import Any
 
 from sandra.evaluation.closed_loop.batch import one
 from sandra.evaluation.closed_loop.drive import Drive
+from sandra.evaluation.closed_loop.driven import STANDS
 from sandra.evaluation.closed_loop.entry import (
     RULES,
     Entry,
@@ -98,7 +99,7 @@ class Table:
                 "lane changes",
                 "certified / carried / renewed / emergency %",
                 "certified starts",
-                "collisions at fault / not",
+                "collisions at fault / not (standing)",
                 "uncovered (unexplained)",
                 "CPU s, mean (most)",
             ),
@@ -216,6 +217,7 @@ def proofs_of(data: dict[str, Any]) -> Proofs | None:
     collision, (mean, most) = data["collision"], data["decision_cpu"]
     return Proofs(
         at_fault=None if collision is None else bool(collision["at_fault"]),
+        standing=collision is not None and collision["speed"] <= STANDS,
         uncovered=len(data["uncovered"]),
         unexplained=len(data["unexplained"]),
         certified_start=data["first_certificate"] == 0,
