@@ -4,6 +4,7 @@ import json
 import logging
 import time
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -274,13 +275,16 @@ def test_bad_names(name: str, error: type[Exception], message: str) -> None:
 
 
 def test_a_row_of_the_closed_loop_table(
-    server: ModelServer, capsys: pytest.CaptureFixture[str]
+    server: ModelServer, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     server.says("#### 4")
     words = ["--settings", "1", "--seeds", "2421", "--workers", "1", "--json"]
-    drivers = ["--drivers", "slower,dilu:m", "--base-url", server.url]
+    words += ["--out", str(tmp_path)]
+    drivers = ["--driver", "dilu:m", "--rows", "slower dilu*", "--base-url", server.url]
     assert main(["evaluate", "closed-loop", *drivers, *words]) == 0
     slower, dilu = json.loads(capsys.readouterr().out)["rows"]
-    assert (slower.pop("driver"), dilu.pop("driver")) == ("always SLOWER", "dilu:m")
+    assert slower.pop("row") == "slower"
+    assert dilu.pop("row").startswith("dilu:m")
+    assert (slower.pop("paper"), dilu.pop("paper")["method"]) == (None, "DiLu")
     assert slower == dilu
     assert len(server.asked) == 30

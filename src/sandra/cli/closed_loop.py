@@ -1,36 +1,57 @@
-"""`sandra evaluate closed-loop`: drivers in the paper's three settings."""
+"""`sandra evaluate closed-loop`: the closed-loop table, beside the paper's."""
 
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from sandra.cli.options import add_workers, command, workers_of
 from sandra.cli.output import print_json, progress
 from sandra.errors import SandraError
+
+if TYPE_CHECKING:
+    from sandra.evaluation.closed_loop.rows import Row
+    from sandra.evaluation.closed_loop.table import Table
 
 
 def add(actions: Any) -> None:
     parser = command(
         actions,
         "closed-loop",
-        "let drivers without a verifier drive in highway-env, and say how far and how safely",
-        "sandra evaluate closed-loop --drivers idle,idm,oracle --settings 1,2,3 --paper-seeds",
+        "drive all rows of the closed-loop table that are not in the folder yet, and print it "
+        "beside the paper's; exit status 1 if an episode broke off with an error",
+        "sandra evaluate closed-loop --settings 1,2,3 --paper-seeds --rows 'idm rules/*/paper' "
+        "--workers auto --out runs/table",
     )
     parser.add_argument(
-        "--drivers",
-        default="idle,slower,faster,fail-safe,random,idm",
-        metavar="LIST",
-        help="of idle, slower, faster, fail-safe, random, idm, oracle (minutes for each setting), "
-        "dilu:MODEL (a language model; docs/dilu.md)",
+        "--rows",
+        default="*",
+        metavar="PATTERNS",
+        help="names as of files, spaces between: DRIVER (idle, slower, faster, fail-safe, random, "
+        "idm, oracle), RANKER/PREDICTION/RULES/ASSUMPTIONS, or the same with meta: before it",
+    )
+    parser.add_argument("--list", action="store_true", help="print the names of the rows, no more")
+    parser.add_argument(
+        "--ranker",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="rows of one more ranker, such as openai:gpt-4o; may be repeated",
     )
     parser.add_argument(
-        "--base-url", metavar="URL", help="of an OpenAI-compatible server, for dilu"
+        "--driver",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="a row of one more driver without a verifier: dilu:MODEL (docs/dilu.md)",
     )
+    parser.add_argument("--command", dest="wish", metavar="TEXT", help="the driver's wish")
+    parser.add_argument("--base-url", metavar="URL", help="of an OpenAI-compatible server")
     parser.add_argument("--settings", default="1,2,3", metavar="LIST", help="of the paper")
     seeds = parser.add_mutually_exclusive_group()
-    seeds.add_argument("--seeds", default="0", metavar="LIST", help="of the traffic (default: 0)")
+    seeds.add_argument("--seeds", default="0", metavar="LIST", help="of the traffic, e.g. 1,2,5-9")
     seeds.add_argument(
         "--paper-seeds", action="store_true", help="the ten seeds of the paper's evaluation"
     )
@@ -38,7 +59,12 @@ def add(actions: Any) -> None:
         "--profile",
         choices=("stock", "paper"),
         default="stock",
-        help="highway-env as it is, or as the authors changed it (default: stock)",
+        help="highway-env as it is, or as the authors changed it",
+    )
+    parser.add_argument(
+        "--assumptions",
+        metavar="conformant:FILE",
+        help="rows under these bounds too, as 'sandra conformance' writes them",
     )
     parser.add_argument(
         "--convention",
@@ -47,50 +73,139 @@ def add(actions: Any) -> None:
         help="all 30 steps must be free of collision, or all but the last, as the authors count",
     )
     parser.add_argument(
-        "--repeats", type=int, default=3, metavar="N", help="of each seed, for random drivers"
+        "--repeats", type=int, default=3, metavar="N", help="of each seed, for the random driver"
     )
     add_workers(parser)
-    parser.add_argument("--out", metavar="FILE", help="write the table as Markdown")
+    parser.add_argument(
+        "--out",
+        default="runs/closed-loop",
+        metavar="FOLDER",
+        help="run folders, and the table as table.md, .tex, .csv and .json",
+    )
+    parser.add_argument(
+        "--format",
+        choices=("markdown", "latex", "csv"),
+        default="markdown",
+        help="of what is printed",
+    )
+    parser.add_argument(
+        "--figures",
+        action="store_true",
+        help="draw the action distribution, and robustness of the rules for each row, as .pdf",
+    )
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.set_defaults(run=_closed_loop)
 
 
 def _closed_loop(arguments: argparse.Namespace) -> int:
+    from sandra.cli.drive import seeds_of
     from sandra.evaluation.closed_loop import OURS, PAPER
     from sandra.evaluation.closed_loop.table import tabulate
-    from sandra.simulation.dilu import located
     from sandra.simulation.highway import SEEDS
-    from sandra.simulation.policies import policy
 
-    words = arguments.drivers.split(",")
-    drivers = [located(word.strip(), arguments.base_url) for word in words]
-    for driver in drivers:
-        policy(driver)  # rather an error now than after minutes
-    if arguments.repeats < 1:
-        raise SandraError(f"--repeats {arguments.repeats}: at least 1")
+    rows = rows_of(arguments)
+    if arguments.list:
+        print("\n".join(row.name for row in rows))
+        return 0
+    settings = _numbers("settings", arguments.settings)
+    seeds = list(SEEDS) if arguments.paper_seeds else seeds_of(arguments.seeds)
+    out = Path(arguments.out)
     table = tabulate(
-        drivers,
-        _numbers("settings", arguments.settings),
-        SEEDS if arguments.paper_seeds else _numbers("seeds", arguments.seeds),
-        profile=arguments.profile,
+        out,
+        rows,
+        settings,
+        seeds,
         convention=PAPER if arguments.convention == "paper" else OURS,
-        repeats=arguments.repeats,
         workers=workers_of(arguments),
-        progress=lambda done, total, name: progress(f"{done} of {total}: {name}"),
+        command_line=["sandra", *sys.argv[1:]],
+        progress=lambda done, total, name: progress(f"{done} of {total} episodes: {name}"),
     )
     progress("")
-    if arguments.out is not None:
-        try:
-            Path(arguments.out).write_text(table.markdown(), encoding="utf-8")
-        except OSError as error:
-            raise SandraError(
-                f"{arguments.out}: cannot be written ({error.strerror}); choose another --out"
-            ) from None
+    written = _write(table, out)
+    if arguments.figures:
+        progress("draw")
+        written += _draw(table, out)
+        progress("")
     if arguments.json:
-        print_json(table.to_dict())
+        print_json({**table.to_dict(), "files": [str(file) for file in written]})
     else:
-        print(table.markdown(), end="")
-    return 0
+        for sheet in (table.main(), table.beside()):
+            print(sheet.text(arguments.format))
+        print("written: " + ", ".join(map(str, written)), file=sys.stderr)
+    for words in table.broken:
+        print(f"broke off: {words}", file=sys.stderr)
+    return 1 if table.broken else 0
+
+
+def rows_of(arguments: argparse.Namespace) -> tuple[Row, ...]:
+    from sandra.evaluation.closed_loop.drive import Drive
+    from sandra.evaluation.closed_loop.rows import all_rows, selected
+    from sandra.rankers import create
+    from sandra.settings import Assumptions
+    from sandra.simulation.dilu import located
+    from sandra.simulation.policies import policy
+
+    if arguments.repeats < 1:
+        raise SandraError(f"--repeats {arguments.repeats}: at least 1")
+    for ranker in arguments.ranker:
+        create(ranker, base_url=arguments.base_url)  # rather an error now than after minutes
+    drivers = [located(name, arguments.base_url) for name in arguments.driver]
+    for driver in drivers:
+        policy(driver)
+    base = Drive(profile=arguments.profile, command=arguments.wish, base_url=arguments.base_url)
+    chosen = arguments.assumptions
+    rows = all_rows(
+        base,
+        rankers=arguments.ranker,
+        drivers=drivers,
+        conformant=None if chosen in (None, "paper") else (chosen, Assumptions.named(chosen)),
+        repeats=arguments.repeats,
+    )
+    return selected(rows, arguments.rows)
+
+
+def _write(table: Table, out: Path) -> list[Path]:
+    import json
+
+    from sandra.cli.output import finite
+    from sandra.evaluation.closed_loop.sheet import FORMATS
+
+    files = {
+        out / f"{name}.{ending}": sheet.text(form)
+        for form, ending in FORMATS.items()
+        for name, sheet in (("table", table.main()), ("beside", table.beside()))
+    }
+    files[out / "table.json"] = json.dumps(finite(table.to_dict()), indent=1) + "\n"
+    try:
+        for file, text in files.items():
+            file.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise SandraError(
+            f"{out}: cannot be written ({error.strerror}); choose another --out"
+        ) from None
+    return list(files)
+
+
+def _draw(table: Table, out: Path) -> list[Path]:
+    """The action distribution, and for each row the robustness of its first episode."""
+    from sandra.evaluation.closed_loop.read import robustness_of
+    from sandra.view.distribution import distribution_figure, shares
+
+    folder = out / "figures"
+    folder.mkdir(exist_ok=True)
+    several = len({entry.setting for entry in table.entries}) > 1
+    rows = {
+        entry.row.title + (f", setting {entry.setting}" if several else ""): entry.pairs
+        for entry in table.entries
+    }
+    files = []
+    if any(any(shares(pairs).values()) for pairs in rows.values()):
+        files.append(distribution_figure(rows, folder / "distribution.pdf"))
+    for entry in table.entries:
+        for episode in entry.folders[:1]:
+            name = f"robustness_{'_'.join(episode.relative_to(out).parts)}.pdf"
+            files.append(robustness_of(episode).figure(folder / name))
+    return files
 
 
 def _numbers(option: str, text: str) -> list[int]:

@@ -7,7 +7,13 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sandra.cli.options import add_workers, command, settings_of, workers_of
+from sandra.cli.options import (
+    add_assumptions,
+    add_workers,
+    command,
+    settings_of,
+    workers_of,
+)
 from sandra.cli.output import print_json
 from sandra.errors import SandraError
 
@@ -55,6 +61,12 @@ def add(commands: Any) -> None:
     parser.add_argument(
         "--horizon", type=int, metavar="H", help="steps to verify (default: the paper's, 8 or 15)"
     )
+    parser.add_argument(
+        "--execution",
+        default="trajectory",
+        metavar="NAME",
+        help="trajectory: certified trajectories; meta: the meta-actions of the paper",
+    )
     parser.add_argument("--k", type=int, metavar="K", help="number of ranked pairs (default: 3)")
     parser.add_argument("--mode", default="rank", metavar="NAME", help="as in 'sandra decide'")
     parser.add_argument(
@@ -65,6 +77,7 @@ def add(commands: Any) -> None:
         help="strongest braking while nothing can be certified, m/s^2",
     )
     parser.add_argument("--settings", metavar="FILE", help="a TOML file with parameters")
+    add_assumptions(parser)
     parser.add_argument("--out", metavar="RUN", help="the run folder (default: runs/NAME)")
     add_workers(parser)
     parser.add_argument("--json", action="store_true", help="print one JSON object")
@@ -85,12 +98,14 @@ def drive_of(arguments: argparse.Namespace) -> Drive:
         prediction=arguments.prediction,
         rules=tuple(parse_rules(arguments.rules)),
         horizon=arguments.horizon,
+        execution=arguments.execution,
         mode=arguments.mode,
         k=arguments.k,
         emergency_braking=arguments.emergency_braking,
         deadline=arguments.deadline,
         base_url=arguments.base_url,
         settings=settings_of(arguments),
+        assumptions=arguments.assumptions or ("settings" if arguments.settings else "paper"),
     )
 
 
@@ -115,7 +130,9 @@ def _drive(arguments: argparse.Namespace) -> int:
 def default_name(how: Drive) -> str:
     """Of the run folder, where the user gives none."""
     rules = "-".join(how.rules) or "no-rules"
+    assumptions = "" if how.assumptions == "paper" else how.assumptions
     words = [how.name, how.profile, how.ranker, how.prediction, rules, how.command or ""]
+    words += [assumptions, "" if how.execution == "trajectory" else how.execution]
     text = "_".join(word for word in words if word)
     return "".join(c if c.isalnum() or c in "-_." else "-" for c in text)[:120]
 
@@ -146,12 +163,8 @@ def _line(episode: dict[str, Any]) -> str:
     ]
     kept = ", ".join(f"{rule} {n}" for rule, n in m["compliant_steps"].items())
     lines.append(f"  steps that keep {kept}; success steps {m['success_steps']}")
-    if collision is not None:
-        lines.append(
-            f"  collision at {collision['time']:.2f} s with vehicle {collision['partner']}, "
-            f"driven by: {collision['operation']}"
-        )
-    elif episode["ended"]:
+    lines += [f"  {sentence}" for sentence in episode["told"]]
+    if collision is None and episode["ended"]:
         lines.append(f"  ended early: {episode['ended']}")
     mean, most = episode["decision_cpu"]
     lines.append(f"  our part of a decision: {mean:.2f} s of CPU time, at most {most:.2f} s")

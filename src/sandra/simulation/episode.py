@@ -10,6 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from enum import Enum
 from typing import Any
 
 import numpy as np
@@ -43,7 +44,8 @@ class Step:
 
     index: int
     decision: Decision
-    operation: Operation
+    operation: Enum
+    """`Operation`, or `sandra.simulation.meta.Meta`."""
     breach: float
     covered: bool
     cpu: float

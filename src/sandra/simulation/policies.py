@@ -14,8 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sandra.errors import SettingsError
+from sandra.scene.highway import Observer
 from sandra.simulation.highway import ACTIONS, FAIL_SAFE, Environment
 from sandra.simulation.oracle import Oracle
+from sandra.simulation.recording import Recorder, Recording
 
 Array = NDArray[np.float64]
 NEAR = 100.0
@@ -149,15 +151,24 @@ def play(
     *,
     steps: int = 30,
     setting: int | None = None,
+    watch: Callable[[], Callable[[], None]] = lambda: lambda: None,
 ) -> Run:
-    """Let a policy drive one episode: `steps` decision steps, or until the ego has crashed."""
+    """Let a policy drive one episode: `steps` decision steps, or until the ego has crashed.
+
+    `watch` is called when everybody is in place, and what it gives after each tick.
+    """
     world.reset(seed)
     driver.start(world)
+    note = watch()
     rows = [_row(world)]
     actions: list[str] = []
     while len(actions) < steps and not world.ego.crashed:
         action = driver.action(world)
-        world.step(action)
+        if action is not None:
+            world.act(action)
+        for _ in range(world.traffic.ticks):
+            world.tick()
+            note()
         actions.append(action or driver.name)
         rows.append(_row(world))
     x, speed, lane, crashed, traffic = zip(*rows, strict=True)
@@ -175,6 +186,28 @@ def play(
         actions=tuple(actions),
         fail_safe=np.array([a == FAIL_SAFE for a in actions], dtype=bool),
     )
+
+
+def play_recorded(
+    world: Environment,
+    seed: int,
+    driver: Policy,
+    *,
+    name: str = "highway",
+    steps: int = 30,
+    setting: int | None = None,
+) -> tuple[Run, Recording]:
+    """As `play`, and what everybody did at every tick; `name` is the recording's."""
+    recorders: list[Recorder] = []
+
+    def watch() -> Callable[[], None]:
+        observer = Observer.of(world.env, name, world.traffic.ticks * world.traffic.dt)
+        scene = observer.scene(world.ego)
+        recorders.append(Recorder(observer, world.env, scene, world.traffic.dt))
+        return recorders[0].note
+
+    run = play(world, seed, driver, steps=steps, setting=setting, watch=watch)
+    return run, recorders[0].recording()
 
 
 def _row(world: Environment) -> tuple[float, float, int, bool, float]:

@@ -90,3 +90,8 @@ def faded(colour: str, part: float) -> tuple[float, float, float]:
     rgb = [int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5)]
     mixed = [c + (1.0 - c) * part for c in rgb]
     return mixed[0], mixed[1], mixed[2]
+
+
+def faded_hex(colour: str, part: float) -> str:
+    """`faded` as a colour's text."""
+    return "#" + "".join(f"{round(255 * c):02x}" for c in faded(colour, part))

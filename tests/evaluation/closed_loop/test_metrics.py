@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from sandra.evaluation.closed_loop import OURS, PAPER, Metrics, measure, summarise, wilson
+from sandra.evaluation.closed_loop import OURS, PAPER, Metrics, Proofs, measure, summarise, wilson
 from sandra.simulation.policies import Run
 
 
@@ -108,6 +108,19 @@ def test_a_row():
     assert row.fail_safe_rate == pytest.approx(1 / 70)
     assert row.collision_free_steps == pytest.approx((30 + 9 + 30) / 3)
     assert math.isnan(summarise([(2, measure(run(crash=3)))]).distance)
+
+
+def test_a_row_with_proofs():
+    one = Proofs(None, 2, 1, True, {"certified": 27, "carried": 3}, 0.1, 0.2)
+    two = Proofs(True, 0, 0, False, {"certified": 5, "emergency": 5}, 0.3, 0.5)
+    three = Proofs(False, 4, 0, False, {"emergency": 10}, 0.2, 0.3)
+    row = summarise([(seed, measure(run(seed=seed))) for seed in (1, 2, 3)], [one, two, three])
+    assert (row.at_fault, row.not_at_fault, row.certified_starts) == (1, 1, 1)
+    assert (row.uncovered, row.unexplained) == (6, 1)
+    assert row.operations == {"certified": 0.64, "carried": 0.06, "emergency": 0.3}
+    assert row.cpu == pytest.approx(0.2)
+    assert row.cpu_max == 0.5
+    assert summarise([(1, measure(run()))]).at_fault is None
 
 
 def test_wilson_against_its_definition():

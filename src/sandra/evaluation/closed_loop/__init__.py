@@ -5,10 +5,21 @@ from sandra.evaluation.closed_loop.metrics import (
     PAPER,
     Convention,
     Metrics,
+    Proofs,
     Summary,
     measure,
     summarise,
     wilson,
 )
 
-__all__ = ["OURS", "PAPER", "Convention", "Metrics", "Summary", "measure", "summarise", "wilson"]
+__all__ = [
+    "OURS",
+    "PAPER",
+    "Convention",
+    "Metrics",
+    "Proofs",
+    "Summary",
+    "measure",
+    "summarise",
+    "wilson",
+]

@@ -9,12 +9,15 @@ from typing import Any
 from sandra.actions import ActionPair
 from sandra.decider import Decider
 from sandra.errors import SettingsError
-from sandra.evaluation.closed_loop.driven import Outcome, outcome, run_of
+from sandra.evaluation.closed_loop.driven import Outcome, outcome, run_of, unverified
 from sandra.evaluation.closed_loop.metrics import Convention
 from sandra.planning import Weights
+from sandra.rankers import create
 from sandra.settings import Settings
 from sandra.simulation.episode import Episode, Step, drive
 from sandra.simulation.highway import SETTINGS, Environment, Traffic, highway
+from sandra.simulation.meta import drive_meta
+from sandra.simulation.policies import play_recorded, policy
 
 ENVIRONMENTS = {
     "highway": "highway-v0",
@@ -26,6 +29,7 @@ ENVIRONMENTS = {
 """Names on the command line, and highway-env's own."""
 HORIZONS = {"most-likely": 15, "constant-velocity": 15, "set-based": 8}
 """Steps that are verified, by prediction (paper Tab. "General parameters", highway-env)."""
+EXECUTIONS = ("trajectory", "meta")
 DRIVER = Weights(jerk=0.05, lateral=0.1, change=5.0, speed=3.0, desired_speed=30.0)
 """What a brisk driver asks of a trajectory; it chooses among those that hold."""
 
@@ -39,12 +43,18 @@ class Drive:
     """1 to 3 of the paper; for the highway only."""
     profile: str = "stock"
     steps: int = 30
+    driver: str | None = None
+    """A driver without a verifier (`sandra.simulation.policies`), instead of all below."""
+    repeat: int = 0
+    """Tells runs of a random driver apart."""
     ranker: str = "rules"
     command: str | None = None
     prediction: str = "set-based"
     rules: tuple[str, ...] = ()
     horizon: int | None = None
     """Default: that of the paper for the prediction (`HORIZONS`)."""
+    execution: str = "trajectory"
+    """What is driven: certified trajectories, or (`meta`) the paper's meta-actions."""
     mode: str = "rank"
     walk: str = "first"
     k: int | None = None
@@ -53,6 +63,9 @@ class Drive:
     deadline: float = 30.0
     base_url: str | None = None
     settings: Settings = field(default_factory=Settings)
+    """Its `assumptions` are those that are verified with."""
+    assumptions: str = "paper"
+    """Their name, for tables: paper, conformant:FILE, or settings."""
 
     def __post_init__(self) -> None:
         if self.environment not in ENVIRONMENTS:
@@ -60,6 +73,12 @@ class Drive:
             raise SettingsError(f"environment '{self.environment}' is unknown; known are {known}")
         if self.environment == "highway" and self.setting not in SETTINGS:
             raise SettingsError(f"setting: {self.setting} is unknown; the paper's are 1, 2 and 3")
+        if self.execution not in EXECUTIONS:
+            raise SettingsError(
+                f"execution '{self.execution}' is unknown; known are {', '.join(EXECUTIONS)}"
+            )
+        if self.driver is not None:
+            policy(self.driver)
         if self.steps < 1:
             raise SettingsError(f"steps = {self.steps} must be at least 1")
 
@@ -83,20 +102,25 @@ class Drive:
     def decider(self) -> Decider:
         """Who decides, without any memory yet."""
         return Decider(
-            self.ranker,
+            create(self.ranker, base_url=self.base_url, deadline=self.deadline),
             self.command,
             emergency_braking=self.emergency_braking,
-            prediction=self.prediction,
-            rules=self.rules,
-            horizon=self.steps_verified,
-            mode=self.mode,
             walk=self.walk,
-            k=self.k,
-            deadline=self.deadline,
-            base_url=self.base_url,
-            settings=self.settings,
             weights=DRIVER,
+            **self.options(),
         )
+
+    def options(self) -> dict[str, Any]:
+        """Of `sandra.decide`, for every execution."""
+        return {
+            "prediction": self.prediction,
+            "rules": self.rules,
+            "horizon": self.steps_verified,
+            "mode": self.mode,
+            "k": self.k,
+            "deadline": self.deadline,
+            "settings": self.settings,
+        }
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON; `Drive.from_dict` reads it back."""
@@ -105,7 +129,14 @@ class Drive:
     def differs(self, other: dict[str, Any]) -> list[str]:
         """Names of what is different in another one's `to_dict` that went through JSON."""
         mine = _plain(self.to_dict())
-        return [x.name for x in fields(self) if _plain(other.get(x.name)) != mine[x.name]]
+        theirs = {**_plain(Drive().to_dict()), **_plain(other)}
+        found = [x.name for x in fields(self) if theirs.get(x.name) != mine[x.name]]
+        # What is assumed are the values in the settings; the name is none of it.
+        found = [name for name in found if name not in ("assumptions", "settings")]
+        values, other_values = mine["settings"], theirs["settings"]
+        if values.pop("assumptions") != other_values.pop("assumptions", None):
+            found.append("assumptions")
+        return found + (["settings"] if values != other_values else [])
 
 
 def _plain(value: Any) -> Any:
@@ -124,10 +155,31 @@ def play(
 ) -> tuple[Episode, Outcome]:
     """Drive one episode, and measure it."""
     name = f"{how.name}-{seed}"
-    episode = drive(how.world(), seed, how.decider(), name=name, steps=how.steps, on_step=on_step)
     setting = how.setting if how.environment == "highway" else None
-    run = run_of(episode, how.ranker, seed, setting, how.profile)
     whole = Convention(how.steps, how.steps)
+    if how.driver is not None:
+        world, driver = how.world(), policy(how.driver, how.repeat)
+        played, recording = play_recorded(
+            world, seed, driver, name=name, steps=how.steps, setting=setting
+        )
+        ticks = world.traffic.ticks
+        return unverified(recording, played, ticks, how.settings, convention=whole)
+    if how.execution == "meta":
+        episode = drive_meta(
+            how.world(),
+            seed,
+            create(how.ranker, base_url=how.base_url, deadline=how.deadline),
+            how.command,
+            name=name,
+            steps=how.steps,
+            on_step=on_step,
+            **how.options(),
+        )
+    else:
+        episode = drive(
+            how.world(), seed, how.decider(), name=name, steps=how.steps, on_step=on_step
+        )
+    run = run_of(episode, how.ranker, seed, setting, how.profile)
     return episode, outcome(episode, run, how.settings, convention=whole)
 
 

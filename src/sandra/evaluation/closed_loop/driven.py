@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
@@ -11,15 +12,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sandra.decider import Operation
-from sandra.evaluation.closed_loop.metrics import OURS, Convention, Metrics, measure
+from sandra.evaluation.closed_loop.blame import (
+    Lapse,
+    before_collision,
+    lapses,
+    partner_of,
+)
+from sandra.evaluation.closed_loop.breaches import Breach
+from sandra.evaluation.closed_loop.metrics import OURS, Convention, Metrics, Proofs, measure
 from sandra.monitor import monitor
 from sandra.monitor.monitor import RULES
 from sandra.scene.types import Scene
 from sandra.settings import Settings
 from sandra.simulation.episode import Episode
 from sandra.simulation.policies import NEAR, Run
+from sandra.simulation.recording import Recording
 
 Array = NDArray[np.float64]
+
+UNVERIFIED = "unverified"
+"""The operation of drivers without a verifier."""
 
 
 def at_decisions(episode: Episode) -> Scene:
@@ -27,11 +39,16 @@ def at_decisions(episode: Episode) -> Scene:
 
     The accelerations are NaN, so that the monitor derives those that a step had on the whole.
     """
-    scene, stride = episode.recording.scene, episode.ticks_per_step
+    return every(episode.recording.scene, episode.ticks_per_step)
+
+
+def every(scene: Scene, stride: int) -> Scene:
+    """Every so many rows of a recording, accelerations as in `at_decisions`."""
     obstacles = tuple(
         o if o.states is None else replace(o, states=o.states[::stride]) for o in scene.obstacles
     )
-    ego = episode.recording.ego[::stride].copy()
+    assert scene.recorded_ego is not None, "a recording has an ego"
+    ego = scene.recorded_ego[::stride].copy()
     ego[:, 4] = np.nan
     return replace(scene, dt=scene.dt * stride, obstacles=obstacles, recorded_ego=ego)
 
@@ -94,15 +111,31 @@ def _traffic(scene: Scene, rows: Array, ticks: NDArray[np.int64]) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Collision:
-    """The ego's collision: with whom, when, and what was proven then."""
+    """The ego's collision: with whom, when, what was proven then, and who had broken what."""
 
     tick: int
     time: float
     """Since the start [s]."""
     partner: int | None
-    """Id of the nearest vehicle that crashed at the same time."""
+    """Id of the vehicle that the ego touched."""
     operation: str
     """By what the ego was driven."""
+    since: int
+    """The decision that the last proof rests on; 0 where there was none before."""
+    at_fault: bool | None
+    """Whether the partner had broken no assumption that the ego relied on since then; None where
+    nothing was ever verified."""
+    breaches: tuple[Breach, ...]
+    """Of the partner, from that decision to the collision."""
+
+    def __str__(self) -> str:
+        who = "an obstacle" if self.partner is None else f"vehicle {self.partner}"
+        told = f"collision at {self.time:.2f} s with {who}, driven by: {self.operation}; "
+        if self.at_fault is None:
+            return told + "nothing was verified"
+        if self.at_fault:
+            return told + "at fault: the other had broken nothing that was relied on"
+        return told + "not at fault: " + "; ".join(map(str, self.breaches))
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +143,8 @@ class Outcome:
     """All that is reported of one episode.
 
     `uncovered`: steps after the first certificate at which no fail-safe was known that was clear
-    of all that others may do; each needs a broken assumption. `outside`: steps that left the plan.
+    of all that others may do; `lapses` says for each who had broken which assumption, `unexplained`
+    are those for which nobody is found. `outside`: steps that left the plan.
     """
 
     metrics: Metrics
@@ -118,6 +152,8 @@ class Outcome:
     pairs: dict[str, int]
     first_certificate: int | None
     uncovered: tuple[int, ...]
+    lapses: tuple[Lapse, ...]
+    unexplained: tuple[int, ...]
     outside: int
     collision: Collision | None
     ended: str | None
@@ -128,6 +164,23 @@ class Outcome:
         """For JSON."""
         return asdict(self)
 
+    def proofs(self) -> Proofs:
+        """What a row of the table tells of it beside the metrics."""
+        return Proofs(
+            at_fault=None if self.collision is None else self.collision.at_fault,
+            uncovered=len(self.uncovered),
+            unexplained=len(self.unexplained),
+            certified_start=self.first_certificate == 0,
+            operations=self.operations,
+            cpu=self.decision_cpu[0],
+            cpu_max=self.decision_cpu[1],
+        )
+
+    def told(self) -> list[str]:
+        """The collision and the lost fail-safes, in a sentence each."""
+        lines = [] if self.collision is None else [str(self.collision)]
+        return lines + [str(lapse) for lapse in self.lapses if lapse.step == lapse.at]
+
 
 def outcome(
     episode: Episode,
@@ -137,45 +190,77 @@ def outcome(
     convention: Convention = OURS,
 ) -> Outcome:
     """Measure an episode."""
-    n = run.steps
-    compliance = np.zeros((n, len(rules)), dtype=bool)
-    if n:
-        robustness = monitor(at_decisions(episode), tuple(rules), settings)
-        compliance = np.stack([robustness[rule].kept[:n] for rule in rules], axis=1)
-        if len(compliance) < n:
-            missing = np.zeros((n - len(compliance), len(rules)), dtype=bool)
-            compliance = np.concatenate([compliance, missing])
-    first = episode.first_certificate
     cpu = [step.cpu for step in episode.steps]
+    lost = lapses(episode, settings)
     return Outcome(
-        metrics=measure(run, compliance, rules, convention),
+        metrics=measure(run, compliance(episode, run, settings, rules), rules, convention),
         operations=dict(Counter(step.operation.value for step in episode.steps)),
         pairs=dict(Counter(run.actions)),
-        first_certificate=first,
-        uncovered=tuple(
-            step.index
-            for step in episode.steps
-            if first is not None and step.index > first and not step.covered
-        ),
+        first_certificate=episode.first_certificate,
+        uncovered=tuple(lapse.step for lapse in lost),
+        lapses=lost,
+        unexplained=tuple(lapse.step for lapse in lost if not lapse.explained),
         outside=episode.breaches,
-        collision=_collision(episode),
+        collision=_collision(episode, settings),
         ended=episode.ended,
         decision_cpu=(float(np.mean(cpu)), float(np.max(cpu))) if cpu else (0.0, 0.0),
     )
 
 
-def _collision(episode: Episode) -> Collision | None:
+def unverified(
+    recording: Recording,
+    run: Run,
+    stride: int,
+    settings: Settings,
+    rules: Sequence[str] = RULES,
+    convention: Convention = OURS,
+) -> tuple[Episode, Outcome]:
+    """Measure what a driver without a verifier drove."""
+    crash = recording.ego_crash
+    ended = None if crash is None else f"step {run.steps - 1}: the ego has crashed"
+    episode = Episode(recording, (), stride, run.steps, ended)
+    collision = None
+    if crash is not None:
+        time = crash * recording.scene.dt
+        partner = partner_of(episode, crash)
+        collision = Collision(crash, time, partner, UNVERIFIED, 0, None, ())
+    return episode, Outcome(
+        metrics=measure(run, compliance(episode, run, settings, rules), rules, convention),
+        operations={UNVERIFIED: run.steps},
+        pairs=dict(Counter(run.actions)),
+        first_certificate=None,
+        uncovered=(),
+        lapses=(),
+        unexplained=(),
+        outside=0,
+        collision=collision,
+        ended=ended,
+        decision_cpu=(math.nan, math.nan),
+    )
+
+
+def compliance(
+    episode: Episode, run: Run, settings: Settings, rules: Sequence[str]
+) -> NDArray[np.bool_]:
+    """(steps, len(rules)) whether a rule is kept at a step, by the monitor on the recording."""
+    n = run.steps
+    found = np.zeros((n, len(rules)), dtype=bool)
+    if n:
+        robustness = monitor(at_decisions(episode), tuple(rules), settings)
+        for column, rule in enumerate(rules):
+            kept = robustness[rule].kept[:n]
+            found[: len(kept), column] = kept
+    return found
+
+
+def _collision(episode: Episode, settings: Settings) -> Collision | None:
     recording = episode.recording
     tick = recording.ego_crash
     if tick is None:
         return None
-    here = recording.ego[tick, :2]
-    together = [
-        (float(np.linalg.norm(o.states[tick, :2] - here)), o.id)
-        for o in recording.scene.obstacles
-        if o.states is not None and abs(recording.crashed.get(o.id, -9) - tick) <= 1
-    ]
+    partner = partner_of(episode, tick)
+    since, found = before_collision(episode, tick, partner, settings)
     step = min(max(tick - 1, 0) // episode.ticks_per_step, len(episode.steps) - 1)
     operation = episode.steps[step].operation if episode.steps else Operation.EMERGENCY
-    partner = min(together)[1] if together else None
-    return Collision(tick, tick * recording.scene.dt, partner, operation.value)
+    time = tick * recording.scene.dt
+    return Collision(tick, time, partner, operation.value, since, not found, found)

@@ -106,8 +106,10 @@ class RunFolder:
         told = {
             "seed": seed,
             **found.to_dict(),
+            "told": found.told(),
             "crashed": {str(i): tick for i, tick in recording.crashed.items()},
             "ticks": len(recording.ego) - 1,
+            "ticks_per_step": episode.ticks_per_step,
             "tick": recording.scene.dt,
         }
         _write(draft / "metrics.json", told)

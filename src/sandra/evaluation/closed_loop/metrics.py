@@ -8,8 +8,10 @@ a field of `Summary`.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -103,6 +105,25 @@ def measure(
 
 
 @dataclass(frozen=True, slots=True)
+class Proofs:
+    """What an episode that was driven with certificates tells beside its metrics."""
+
+    at_fault: bool | None
+    """Of the collision; None without one."""
+    uncovered: int
+    """Steps after the first certificate without a fail-safe known to be clear of others."""
+    unexplained: int
+    """Those of them for which no broken assumption was found."""
+    certified_start: bool
+    """Whether the first step was certified."""
+    operations: Mapping[str, int]
+    """Number of steps by what the ego was driven by."""
+    cpu: float
+    """Mean CPU time of a decision [s]."""
+    cpu_max: float
+
+
+@dataclass(frozen=True, slots=True)
 class Summary:
     """Many episodes: a row of the table. Means over episodes, unless said otherwise."""
 
@@ -126,10 +147,25 @@ class Summary:
     relative_speed: float
     """[m/s]"""
     lane_changes: float
+    at_fault: int | None = None
+    """Collisions before which the other had broken no assumption; None: nothing was verified."""
+    not_at_fault: int | None = None
+    """Collisions before which it had."""
+    uncovered: int | None = None
+    """Steps after a first certificate without a fail-safe known to be clear, over all episodes."""
+    unexplained: int | None = None
+    """Those of them for which no broken assumption was found."""
+    certified_starts: int | None = None
+    """Episodes whose first step was certified."""
+    operations: Mapping[str, float] = field(default_factory=dict)
+    """Share of all steps by what the ego was driven by."""
+    cpu: float = math.nan
+    """Mean CPU time of a decision [s]; NaN where it was not measured."""
+    cpu_max: float = math.nan
 
 
-def summarise(episodes: Iterable[tuple[int, Metrics]]) -> Summary:
-    """The row of (seed, metrics) of episodes in one kind of traffic."""
+def summarise(episodes: Iterable[tuple[int, Metrics]], proofs: Sequence[Proofs] = ()) -> Summary:
+    """The row of (seed, metrics) of episodes in one kind of traffic; `proofs` in the same order."""
     pairs = list(episodes)
     if not pairs:
         raise ValueError("no episodes")
@@ -155,7 +191,25 @@ def summarise(episodes: Iterable[tuple[int, Metrics]]) -> Summary:
         fail_safe_rate=sum(m.fail_safe_rate * m.steps for m in every) / max(steps, 1),
         relative_speed=_mean([m.relative_speed for m in every]),
         lane_changes=_mean([m.lane_changes for m in every]),
+        **(_together(proofs) if proofs else {}),
     )
+
+
+def _together(proofs: Sequence[Proofs]) -> dict[str, Any]:
+    operations: Counter[str] = Counter()
+    for p in proofs:
+        operations.update(p.operations)
+    steps = max(sum(operations.values()), 1)
+    return {
+        "at_fault": sum(p.at_fault is True for p in proofs),
+        "not_at_fault": sum(p.at_fault is False for p in proofs),
+        "uncovered": sum(p.uncovered for p in proofs),
+        "unexplained": sum(p.unexplained for p in proofs),
+        "certified_starts": sum(p.certified_start for p in proofs),
+        "operations": {name: n / steps for name, n in operations.items()},
+        "cpu": _mean([p.cpu for p in proofs]),
+        "cpu_max": max(p.cpu_max for p in proofs),
+    }
 
 
 def wilson(successes: float, trials: int, z: float = 1.959964) -> tuple[float, float]:

@@ -1,139 +1,225 @@
-"""Rows of the closed-loop table: drivers by settings, played and summarised."""
+"""The closed-loop table: all rows driven, or taken from their run folders, beside the paper's.
+
+One run folder for each row, setting and repeat below one folder: what is there is not run again.
+"""
 
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 from typing import Any
 
-from sandra.errors import SandraError
+from sandra.evaluation.closed_loop.batch import one
+from sandra.evaluation.closed_loop.drive import Drive
+from sandra.evaluation.closed_loop.entry import (
+    RULES,
+    Entry,
+    beside_cells,
+    main_cells,
+    paper_dict,
+    printed_cells,
+)
+from sandra.evaluation.closed_loop.folder import RunFolder
 from sandra.evaluation.closed_loop.metrics import (
     OURS,
     PAPER,
     Convention,
-    Summary,
-    measure,
+    Metrics,
+    Proofs,
     summarise,
 )
+from sandra.evaluation.closed_loop.paper import TABLE
+from sandra.evaluation.closed_loop.rows import Row
+from sandra.evaluation.closed_loop.sheet import Sheet
 from sandra.evaluation.workers import Broken, in_order
-from sandra.simulation.highway import highway
-from sandra.simulation.policies import Run, play, policy
-
-Case = tuple[str, int, str, int, int, int]
-"""Driver, setting, profile, seed, repeat, number of steps."""
-
-
-@dataclass(frozen=True, slots=True)
-class Row:
-    """What a driver achieved in one setting."""
-
-    driver: str
-    setting: int
-    summary: Summary
 
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Rows by driver, then by setting."""
+    """Entries by row, then by setting."""
 
     profile: str
     convention: Convention
-    rows: tuple[Row, ...]
+    entries: tuple[Entry, ...]
 
-    def markdown(self) -> str:
-        """As a Markdown table."""
-        lines = [
-            "| driver | setting | episodes (seeds) | success % [95 %] | collision-free steps "
-            "| distance, successful (m) | distance, all (m) | fail-safe % "
-            "| speed over traffic (m/s) | lane changes |",
-            "|---|---|---|---|---|---|---|---|---|---|",
-        ]
-        for row in self.rows:
-            s = row.summary
-            low, high = s.success_interval
-            cells = (
-                row.driver,
-                str(row.setting),
-                f"{s.episodes} ({s.seeds})",
-                f"{100 * s.success_rate:.0f} [{100 * low:.0f}, {100 * high:.0f}]",
-                _number(s.collision_free_steps),
-                _number(s.distance),
-                _number(s.distance_all),
-                _number(100 * s.fail_safe_rate),
-                f"{s.relative_speed:+.1f}",
-                _number(s.lane_changes),
-            )
-            lines.append(f"| {' | '.join(cells)} |")
-        return "\n".join(lines) + "\n"
+    @property
+    def broken(self) -> tuple[str, ...]:
+        """Episodes that are missing because they broke off with an error."""
+        return tuple(
+            f"{entry.row.name}, setting {entry.setting}, {words}"
+            for entry in self.entries
+            for words in entry.broken
+        )
+
+    def main(self) -> Sheet:
+        """The paper's metrics, with the paper's rows, and beside our rows those of the paper."""
+        shown = [printed_cells(x) for x in TABLE if x.setting in {e.setting for e in self.entries}]
+        counted = "all but the last" if self.convention is PAPER else "all"
+        return Sheet(
+            f"Profile {self.profile}; {counted} of the 30 steps must be free of collision. Rows "
+            '"paper:" and the last column, success % / success steps / distance / fail-safe %, are '
+            "printed in the paper (profile paper, meta-actions, GPT-4o).",
+            (
+                "driver",
+                "setting",
+                "success % [95 %]",
+                "collision-free steps",
+                *RULES,
+                "success steps",
+                "distance (m)",
+                "fail-safe %",
+                "the paper's",
+            ),
+            (*shown, *(main_cells(e) for e in self.entries)),
+        )
+
+    def beside(self) -> Sheet:
+        """What shows when the paper's metrics are gamed, and what was proven."""
+        oracle = {
+            e.setting: e.summary.distance
+            for e in self.entries
+            if e.row.name == "oracle" and e.summary is not None
+        }
+        return Sheet(
+            "Beside them: distance over all episodes, and of successful ones in per cent of the "
+            "oracle's; steps driven by a new certificate, a carried fail-safe, a renewed one, the "
+            "emergency layer; steps after the first certificate without a fail-safe known to be "
+            "clear, those without a known reason in brackets; our part of a decision.",
+            (
+                "driver",
+                "setting",
+                "episodes (seeds)",
+                "distance, all (m)",
+                "of oracle %",
+                "speed over traffic (m/s)",
+                "lane changes",
+                "certified / carried / renewed / emergency %",
+                "certified starts",
+                "collisions at fault / not",
+                "uncovered (unexplained)",
+                "CPU s, mean (most)",
+            ),
+            tuple(beside_cells(e, oracle.get(e.setting)) for e in self.entries),
+        )
 
     def to_dict(self) -> dict[str, Any]:
-        """For machines; a row's keys are the fields of `Summary`."""
+        """For machines; an entry's keys are the fields of `Summary`."""
         return {
             "profile": self.profile,
             "convention": asdict(self.convention),
             "rows": [
-                {"driver": r.driver, "setting": r.setting, **asdict(r.summary)} for r in self.rows
+                {
+                    "row": e.row.name,
+                    "setting": e.setting,
+                    **({} if e.summary is None else asdict(e.summary)),
+                    "broken": list(e.broken),
+                    "paper": paper_dict(e),
+                }
+                for e in self.entries
             ],
         }
 
 
 def tabulate(
-    drivers: Sequence[str],
+    out: Path,
+    rows: Sequence[Row],
     settings: Sequence[int],
     seeds: Sequence[int],
     *,
-    profile: str = "stock",
     convention: Convention = OURS,
-    repeats: int = 1,
     workers: int = 1,
+    command_line: Sequence[str] = (),
     progress: Callable[[int, int, str], None] = lambda done, total, name: None,
 ) -> Table:
-    """Play all episodes, and summarise them.
+    """Drive what is not in the folder yet, and summarise.
 
     Args:
-        drivers: names of `sandra.simulation.policies.POLICIES`.
-        settings: of the paper. seeds: of the traffic. repeats: of what is random.
-        workers: processes. progress: called after each episode.
+        out: the folder of the run folders. seeds: of the traffic. settings: of the paper.
+        workers: processes. progress: called with numbers of episodes after each one.
 
     Raises:
-        SandraError: for what is unknown, or if an episode broke off with an error.
+        SandraError: for what is unknown, or a folder that holds another run.
     """
-    steps = convention.steps + (convention is PAPER)
-    cases: list[Case] = [
-        (driver, setting, profile, seed, repeat, steps)
-        for driver in drivers
-        for setting in settings
-        for seed in seeds
-        for repeat in range(repeats if driver == "random" else 1)
-    ]
-    runs: dict[tuple[str, int], list[Run]] = {}
-    for i, (case, run) in enumerate(zip(cases, in_order(episode, cases, workers), strict=True)):
-        driver, setting, _, seed, *_ = case
-        if isinstance(run, Broken):
-            raise SandraError(f"{driver}, setting {setting}, seed {seed}: {run.error}")
-        runs.setdefault((driver, setting), []).append(run)
-        progress(i + 1, len(cases), f"{driver}, setting {setting}, seed {seed}")
-    return Table(
-        profile,
-        convention,
-        tuple(
-            Row(
-                played[0].driver,
-                setting,
-                summarise([(run.seed, measure(run, convention=convention)) for run in played]),
-            )
-            for (_, setting), played in runs.items()
-        ),
+    runs: list[tuple[RunFolder, Row, int, Drive]] = []
+    for row in rows:
+        for setting in settings:
+            for how in row.in_setting(setting):
+                folder = RunFolder(out / _folder(row, how))
+                folder.open(how, command_line)
+                runs.append((folder, row, setting, how))
+    profile = runs[0][3].profile if runs else "stock"
+    cases = [(run, seed) for run in runs for seed in seeds]
+    todo = [case for case in cases if case[0][0].metrics(case[1]) is None]
+    done, errors = len(cases) - len(todo), dict[tuple[Path, int], str]()
+    jobs = [(run[0].path, run[3], seed) for run, seed in todo]
+    for (run, seed), answer in zip(todo, in_order(one, jobs, workers), strict=True):
+        done += 1
+        if isinstance(answer, Broken):
+            errors[run[0].path, seed] = answer.error
+        progress(done, len(cases), f"{run[1].name}, setting {run[2]}, seed {seed}")
+    entries = []
+    for row in rows:
+        for setting in settings:
+            mine = [(run[0], seed) for run, seed in cases if (run[1], run[2]) == (row, setting)]
+            entries.append(_entry(row, setting, mine, errors, convention))
+    return Table(profile, convention, tuple(entries))
+
+
+def _folder(row: Row, how: Drive) -> str:
+    name = "".join(c if c.isalnum() or c in "-_." else "-" for c in row.name.replace("/", "_"))
+    again = f"_{how.repeat}" if how.repeat else ""
+    return f"{name}{again}/setting-{how.setting}"
+
+
+def _entry(
+    row: Row,
+    setting: int,
+    mine: Sequence[tuple[RunFolder, int]],
+    errors: dict[tuple[Path, int], str],
+    convention: Convention,
+) -> Entry:
+    found, proofs, folders, pairs = [], [], list[Path](), Counter[str]()
+    for folder, seed in mine:
+        data = folder.metrics(seed)
+        if data is not None:
+            found.append((seed, counted(data["metrics"], convention)))
+            proofs.append(proofs_of(data))
+            folders.append(folder.episode(seed))
+            pairs.update(data["pairs"])
+    broken = tuple(
+        f"seed {seed}: {errors[folder.path, seed]}"
+        for folder, seed in mine
+        if (folder.path, seed) in errors
     )
+    verified = [x for x in proofs if x is not None]
+    summary = summarise(found, verified) if found else None
+    return Entry(row, setting, summary, tuple(folders), dict(pairs), broken)
 
 
-def episode(case: Case) -> Run:
-    """One episode of the table."""
-    driver, setting, profile, seed, repeat, steps = case
-    world = highway(setting, profile)
-    return play(world, seed, policy(driver, repeat), steps=steps, setting=setting)
+def counted(data: dict[str, Any], convention: Convention) -> Metrics:
+    """`Metrics` as JSON, by a convention: what is a collision is the only difference."""
+    told: dict[str, Any] = {k: math.nan if v is None else v for k, v in data.items()}
+    metrics = Metrics(**told)
+    if convention.decisive < convention.steps and metrics.steps >= convention.steps:
+        free = metrics.collision_free_steps >= convention.decisive
+        metrics = replace(metrics, success=metrics.success or free)
+    return metrics
 
 
-def _number(value: float) -> str:
-    return "-" if math.isnan(value) else f"{value:.1f}"
+def proofs_of(data: dict[str, Any]) -> Proofs | None:
+    """Of an episode's metrics.json; None of a driver without a verifier."""
+    if "unverified" in data["operations"]:
+        return None
+    collision, (mean, most) = data["collision"], data["decision_cpu"]
+    return Proofs(
+        at_fault=None if collision is None else bool(collision["at_fault"]),
+        uncovered=len(data["uncovered"]),
+        unexplained=len(data["unexplained"]),
+        certified_start=data["first_certificate"] == 0,
+        operations=data["operations"],
+        cpu=mean,
+        cpu_max=most,
+    )
