@@ -149,7 +149,7 @@ class Decider:
         """Carry the fail-safe on, or replace it where it is no longer clear of others."""
         basis = decision.basis
         confirmed = basis is None or basis.confirms(carried.rest)
-        fresh = None if confirmed or basis is None else basis.fail_safe_now()
+        fresh = None if confirmed else decision.fail_safe_now()
         self.covered = confirmed or fresh is not None
         if fresh is not None:
             self.operation = Operation.RENEWED
@@ -168,7 +168,7 @@ class Decider:
     def _before_any_certificate(self, decision: Decision) -> tuple[Carried | None, Decision]:
         """A fail-safe that keeps clear of all that others may do, else the emergency layer."""
         none_yet = "no certificate has been accepted yet"
-        fresh = None if decision.basis is None else decision.basis.fail_safe_now()
+        fresh = decision.fail_safe_now()
         if fresh is None:
             return None, self._emergency(decision, none_yet)
         self.operation, self.covered = Operation.RENEWED, True

@@ -121,6 +121,7 @@ def decide(
         judge.basis,
         clock.stop(),
         mode,
+        judge.fail_safe_now,
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -9,7 +10,7 @@ from sandra.certificate import Certificate
 from sandra.certify import Basis, Proven
 from sandra.decision.stages import STAGES
 from sandra.describe import Prompt
-from sandra.planning import Maneuver
+from sandra.planning import FailSafe, Maneuver
 from sandra.rankers import Ranking
 from sandra.reach import Ground, Verdict, Verdicts
 from sandra.scene.types import Scene
@@ -39,6 +40,8 @@ class Decision:
     durations_s: dict[str, float]
     mode: str = "rank"
     """In which order was asked and verified; see `sandra.decide`."""
+    fail_safe_now: Callable[[], FailSafe | None] = lambda: None
+    """A fail-safe trajectory from now on, without any maneuver before it; searched for once."""
 
     @property
     def ground(self) -> Ground:
