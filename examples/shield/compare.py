@@ -21,9 +21,9 @@ from sandra.simulation import Shield
 CONDITIONS = ("without", "shield")
 
 
-def episode(model: DQN, condition: str, seed: int, duration: float) -> dict:
+def episode(model: DQN, condition: str, seed: int, duration: float, density: float) -> dict:
     """Drive one episode to its end."""
-    env = make(duration)
+    env = make(duration, density)
     if condition == "shield":
         env = Shield(env)
     observation, info = env.reset(seed=seed)
@@ -45,6 +45,7 @@ def episode(model: DQN, condition: str, seed: int, duration: float) -> dict:
         "condition": condition,
         "seed": seed,
         "duration": duration,
+        "density": density,
         "crashed": bool(info["crashed"]),
         "crashed_while": last if info["crashed"] and condition == "shield" else None,
         "ended": info.get("ended"),
@@ -84,25 +85,30 @@ def main() -> None:
     parser.add_argument("model", type=Path, nargs="?", default=Path("demo/dqn.zip"))
     parser.add_argument("--seeds", type=int, default=20, help="1 to this many")
     parser.add_argument("--duration", type=float, default=15.0, help="of an episode [s]")
+    parser.add_argument("--density", type=float, default=1.5, help="of the traffic; learnt in 1")
     parser.add_argument("--out", type=Path, default=Path("demo/shield.jsonl"))
     arguments = parser.parse_args()
+    traffic = (arguments.duration, arguments.density)
     torch.set_num_threads(1)
     model = DQN.load(arguments.model, device="cpu")
     arguments.out.parent.mkdir(parents=True, exist_ok=True)
     rows = []
     if arguments.out.exists():
         rows = [json.loads(line) for line in arguments.out.read_text().splitlines()]
-    if any(row["duration"] != arguments.duration for row in rows):
-        raise SystemExit(f"{arguments.out} holds episodes of another duration: name another file")
+    if any((row["duration"], row["density"]) != traffic for row in rows):
+        raise SystemExit(f"{arguments.out} holds episodes in other traffic: name another file")
     done = {(row["condition"], row["seed"]) for row in rows}
     for condition in CONDITIONS:
         for seed in range(1, arguments.seeds + 1):
             if (condition, seed) in done:
                 continue
-            rows.append(episode(model, condition, seed, arguments.duration))
+            rows.append(episode(model, condition, seed, *traffic))
             with arguments.out.open("a") as file:
                 file.write(json.dumps(rows[-1]) + "\n")
-    print(f"{ENVIRONMENT}, seeds 1 to {arguments.seeds}, {arguments.duration:g} s\n")
+    print(
+        f"{ENVIRONMENT}, seeds 1 to {arguments.seeds}, {arguments.duration:g} s, "
+        f"density {arguments.density:g}\n"
+    )
     print(table(rows))
     shielded = [row for row in rows if row["condition"] == "shield"]
     operations = {}

@@ -18,6 +18,7 @@ class Quick(gymnasium.Wrapper):
         return result
 
 
-def make(duration: float = 30.0) -> gymnasium.Env:
-    """The environment as it comes; episodes last `duration` [s]."""
-    return Quick(gymnasium.make(ENVIRONMENT, config={"duration": duration}))
+def make(duration: float = 30.0, density: float = 1.0) -> gymnasium.Env:
+    """Episodes last `duration` [s]; `density` 1 is the environment's own, in which is learnt."""
+    config = {"duration": duration, "vehicles_density": density}
+    return Quick(gymnasium.make(ENVIRONMENT, config=config))

@@ -15,15 +15,12 @@ from sandra.actions import ActionPair
 from sandra.decider import Decider, Operation
 from sandra.decision import Decision
 from sandra.errors import ScenarioError
-from sandra.planning import Weights
 from sandra.scene.highway import Observer
 from sandra.simulation.highway import Environment
 from sandra.simulation.recording import Recorder, Recording
 
 BREACH = 1e-6
 """A tick this far from its plan is outside of it [m]."""
-DRIVER = Weights(jerk=0.05, lateral=0.1, change=5.0, speed=3.0, desired_speed=30.0)
-"""What a brisk driver asks of a trajectory; it chooses among those that hold."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -4,15 +4,15 @@
     observation, info = env.reset(seed=1)
     observation, reward, terminated, truncated, info = env.step(policy(observation))
 
-A meta-action becomes a pair (`TABLE`), put first in a ranking; `sandra.decider.Decider` verifies
-the ranking, and what it certifies is driven: the action, what replaces it, or a fail-safe. Spaces,
-observation, reward and the end of an episode stay those of the environment, whose own `step` runs.
+A meta-action becomes a pair (`sandra.simulation.proposal.TABLE`), put first in a ranking;
+`sandra.decider.Decider` verifies the ranking, and what it certifies is driven: the action, what
+replaces it, or a fail-safe. Spaces, observation, reward and the end of an episode stay those of the
+environment, whose own `step` runs.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import gymnasium
@@ -20,80 +20,31 @@ from highway_env.envs.common.abstract import AbstractEnv
 from highway_env.envs.common.action import DiscreteMetaAction
 from highway_env.vehicle.controller import MDPVehicle
 
-from sandra.actions import ALL_PAIRS, ActionPair, Lateral, Longitudinal
-from sandra.decider import Decider, Operation
+from sandra.actions import ALL_PAIRS, Lateral
+from sandra.decider import Decider
 from sandra.decision import Decision
-from sandra.describe.types import Prompt
 from sandra.errors import ScenarioError, SettingsError
-from sandra.rankers import Failure, Ranker, Ranking, as_ranker
-from sandra.reach import Status
+from sandra.planning import Weights
+from sandra.rankers import Ranker, as_ranker
 from sandra.scene.highway import Observer
-from sandra.scene.types import Scene
 from sandra.settings import Settings
 from sandra.simulation.ego import PlannedVehicle
-from sandra.simulation.episode import DRIVER
 from sandra.simulation.highway import replace_ego
-
-Table = Mapping[str, Sequence[ActionPair]]
+from sandra.simulation.proposal import Asked, Shielded, Table, meaning, table_with
 
 _FOLLOW, _LEFT, _RIGHT = Lateral.FOLLOW_LANE, Lateral.LEFT_LANE, Lateral.RIGHT_LANE
-_CHANGING = (Longitudinal.KEEP, Longitudinal.ACCELERATE, Longitudinal.DECELERATE)
-TABLE: Table = {
-    "IDLE": (ActionPair(Longitudinal.KEEP, _FOLLOW),),
-    "FASTER": (ActionPair(Longitudinal.ACCELERATE, _FOLLOW),),
-    "SLOWER": (ActionPair(Longitudinal.DECELERATE, _FOLLOW),),
-    "LANE_LEFT": tuple(ActionPair(speed, _LEFT) for speed in _CHANGING),
-    "LANE_RIGHT": tuple(ActionPair(speed, _RIGHT) for speed in _CHANGING),
-}
-"""What a meta-action may be executed as and still count as the policy's own; best first."""
+
 STEP = 0.2
 """Scenes have the step nearest to this that divides the period [s]."""
 SHORTEST, LONGEST = 0.1, 2.0
 """Periods that are supported [s]."""
 LOOKS_AHEAD = {"set-based": 1.6}
 """Duration that is verified, by prediction (paper Tab. "General parameters", highway-env) [s]."""
-ELSE_AHEAD = 3.0
-"""For all other predictions [s]."""
-
-
-@dataclass(frozen=True, slots=True)
-class Shielded:
-    """One decision: what the policy asked for and what was executed.
-
-    `meant`: the pairs that count as its action, best first. `executed`: None for a fail-safe.
-    `verdict`: of the first of `meant`, None where it was not feasible. `why`: its reason.
-    """
-
-    meant: tuple[ActionPair, ...]
-    executed: ActionPair | None
-    operation: Operation
-    verdict: Status | None
-    why: str
-
-    @property
-    def replaced(self) -> bool:
-        """Whether something else than the action was executed."""
-        return self.executed not in self.meant
-
-
-class Asked:
-    """A ranker: what the policy means first, then what somebody else prefers (None: nobody)."""
-
-    name = "shield"
-
-    def __init__(self, rest: Ranker | None) -> None:
-        self.rest = rest
-        self.meant: tuple[ActionPair, ...] = ()
-
-    def rank(self, prompt: Prompt, deadline: float | None = None) -> Ranking:
-        """See `Ranker`."""
-        pairs = [pair for pair in self.meant if pair in prompt.feasible]
-        if self.rest is not None:
-            others = self.rest.rank(prompt, deadline).pairs
-            pairs += [pair for pair in others if pair not in pairs]
-        if pairs:
-            return Ranking(tuple(pairs), self.name)
-        return Ranking((), self.name, Failure.INFEASIBLE, "the action is not feasible here")
+ELSE_AHEAD = 4.0
+"""For all other predictions [s]. Longer than a change of lane: one that is looked at again while it
+is under way must still be possible within this time."""
+WEIGHTS = Weights(jerk=0.05, lateral=1.0, speed=3.0, desired_speed=30.0)
+"""What is preferred among trajectories that hold: brisk along the lane, calm across it."""
 
 
 class ShieldedVehicle(PlannedVehicle, MDPVehicle):  # type: ignore[misc]
@@ -111,7 +62,7 @@ class ShieldedVehicle(PlannedVehicle, MDPVehicle):  # type: ignore[misc]
             self.before_tick()
 
 
-class Shield(gymnasium.Wrapper):  # type: ignore[misc]
+class Shield(gymnasium.Wrapper, gymnasium.utils.RecordConstructorArgs):  # type: ignore[misc]
     """Any policy drives; its actions are executed as certified, or replaced.
 
     `info` gains: `proposed` (`ActionPair`), `executed` (`ActionPair`; None for a fail-safe),
@@ -130,7 +81,7 @@ class Shield(gymnasium.Wrapper):  # type: ignore[misc]
             ticks, 0.1 to 2 s. Default: the longest one up to 0.2 s, else the shortest. So the
             shield looks several times while a long action lasts, and certifies for less time.
         prediction, horizon, rules, settings, emergency_braking, options: as in `Decider`; the
-            horizon is counted in steps of `dt`, by default 3 s (set-based: 1.6 s, within which no
+            horizon is counted in steps of `dt`, by default 4 s (set-based: 1.6 s, within which no
             change of lane can be completed).
 
     Raises:
@@ -151,22 +102,29 @@ class Shield(gymnasium.Wrapper):  # type: ignore[misc]
         emergency_braking: float | None = 12.0,
         **options: Any,
     ) -> None:
-        super().__init__(env)
-        self.table = {**TABLE, **(table or {})}
-        for name, pairs in self.table.items():
-            if name not in TABLE or not all(isinstance(pair, ActionPair) for pair in pairs):
-                raise SettingsError(
-                    f"table: {name}: name one of {', '.join(TABLE)}, and give it ActionPairs"
-                )
+        gymnasium.utils.RecordConstructorArgs.__init__(
+            self,
+            replacement=replacement,
+            table=table,
+            period=period,
+            prediction=prediction,
+            horizon=horizon,
+            rules=rules,
+            settings=settings,
+            emergency_braking=emergency_braking,
+            **options,
+        )
+        gymnasium.Wrapper.__init__(self, env)
+        self.table = table_with(table or {})
         self._given = period
         self.period, self.dt = self._timing()
-        ahead = LOOKS_AHEAD.get(prediction, ELSE_AHEAD) if horizon is None else 0.0
-        self.settings = (settings or Settings()).replace(
-            horizon=horizon or max(round(ahead / self.dt), round(self.period / self.dt))
-        )
+        if horizon is None:
+            ahead = max(LOOKS_AHEAD.get(prediction, ELSE_AHEAD), self.period)
+            horizon = round(ahead / self.dt)
+        self.settings = (settings or Settings()).replace(horizon=horizon)
         self._asked = Asked(None if replacement is None else as_ranker(replacement))
         self._options = {
-            "weights": DRIVER,
+            "weights": WEIGHTS,
             "walk": "first",
             "k": len(ALL_PAIRS),
             **options,
@@ -210,7 +168,7 @@ class Shield(gymnasium.Wrapper):  # type: ignore[misc]
         if self._ego is None:
             raise gymnasium.error.ResetNeeded("call reset before step")
         self._row = self.table[self.unwrapped.action_type.actions[int(action)]]
-        self._lane = self._lane_wished(self._row[0].lateral) if self._row else None
+        self._lane = self._lane_wished(self._row[0].lateral if self._row else _FOLLOW)
         self.decided, self._tick = [], 0
         self._decide()
         observation, reward, terminated, truncated, info = self.env.step(action)
@@ -250,7 +208,10 @@ class Shield(gymnasium.Wrapper):  # type: ignore[misc]
         except ScenarioError as error:
             ego.plan, self._ended = None, str(error)
             return
-        meant = self._asked.meant = tuple(dict.fromkeys(self._meant(scene)))
+        change = self.settings.a_lim * self.settings.horizon * self.dt
+        meant = self._asked.meant = meaning(
+            self._row, self._side(), scene.ego.state.speed, change, self.settings.v_max
+        )
         decision = self.decision = self._decider.decide(scene)
         verdict = (
             next((v for v in decision.verdicts if v.pair == meant[0]), None) if meant else None
@@ -269,28 +230,6 @@ class Shield(gymnasium.Wrapper):  # type: ignore[misc]
             ego.plan, self._ended = None, f"{decision.maneuver.note}: no trajectory to drive"
         else:
             ego.follow(plan)
-
-    def _meant(self, scene: Scene) -> list[ActionPair]:
-        """The row of the table, in the words of where the ego is now.
-
-        Like the environment's own ego, ours goes on with a change of lane until it is told
-        otherwise, and knows no lane or speed beyond the last.
-        """
-        side = self._side()
-        now = [self._possible(pair, scene) for pair in self._row]
-        if side is _FOLLOW:
-            return [ActionPair(pair.longitudinal, _FOLLOW) for pair in now]
-        return [ActionPair(p.longitudinal, side) if p.lateral is _FOLLOW else p for p in now] + now
-
-    def _possible(self, pair: ActionPair, scene: Scene) -> ActionPair:
-        """At the highest speed, accelerating is keeping it; at a standstill, decelerating is."""
-        change = self.settings.a_lim * self.settings.horizon * self.dt
-        speed, longitudinal = scene.ego.state.speed, pair.longitudinal
-        if longitudinal is Longitudinal.ACCELERATE and speed + change >= self.settings.v_max:
-            return ActionPair(Longitudinal.KEEP, pair.lateral)
-        if longitudinal is Longitudinal.DECELERATE and speed <= change:
-            return ActionPair(Longitudinal.STOP, pair.lateral)
-        return pair
 
     def _lane_wished(self, lateral: Lateral) -> Any:
         """Index of the lane beside the ego's, if it is there; else of the one it is heading for."""

@@ -10,8 +10,9 @@ from sandra.actions import ActionPair
 from sandra.decider import Decider
 from sandra.errors import SettingsError
 from sandra.evaluation.closed_loop.driven import Outcome, outcome, run_of
+from sandra.planning import Weights
 from sandra.settings import Settings
-from sandra.simulation.episode import DRIVER, Episode, Step, drive
+from sandra.simulation.episode import Episode, Step, drive
 from sandra.simulation.highway import SETTINGS, Environment, Traffic, highway
 
 ENVIRONMENTS = {
@@ -24,6 +25,8 @@ ENVIRONMENTS = {
 """Names on the command line, and highway-env's own."""
 HORIZONS = {"most-likely": 15, "constant-velocity": 15, "set-based": 8}
 """Steps that are verified, by prediction (paper Tab. "General parameters", highway-env)."""
+DRIVER = Weights(jerk=0.05, lateral=0.1, change=5.0, speed=3.0, desired_speed=30.0)
+"""What a brisk driver asks of a trajectory; it chooses among those that hold."""
 
 
 @dataclass(frozen=True, slots=True)
