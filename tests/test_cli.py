@@ -390,3 +390,26 @@ def test_output_into_a_closed_pipe_is_no_error() -> None:
     command = f"{sys.executable} -m sandra.cli scenarios | head -n 0"
     result = subprocess.run(command, shell=True, capture_output=True, text=True, check=False)
     assert "Traceback" not in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("ranker", "failures"),
+    [
+        ("adversarial", {None}),
+        ("always:keep,follow-lane", {None}),
+        ("garbage", {"empty", "malformed", "truncated", "infeasible"}),
+        ("late:0.1", {"timeout"}),
+    ],
+)
+def test_decide_with_a_ranker_that_misbehaves(
+    capsys: pytest.CaptureFixture[str], ranker: str, failures: set[str | None]
+) -> None:
+    assert main(["decide", SCENARIO, "--ranker", ranker, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["ranker"] == ranker
+    assert told["failure"] in failures
+    if None in failures:
+        assert told["ranking"]
+    else:
+        assert told["ranking"] == []
+        assert told["executed"]["kind"] == "fail-safe"

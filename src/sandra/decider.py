@@ -35,8 +35,8 @@ class Operation(Enum):
     CARRIED = "carried"
     """The fail-safe of the last accepted certificate."""
     RENEWED = "renewed"
-    """A fail-safe made anew: the carried one is no longer clear of what others may do now, because
-    somebody broke an assumption, or got in front of the ego as the law allows."""
+    """A fail-safe made anew: there is none to carry yet, or it is no longer clear of what others
+    may do now: somebody broke an assumption, or got in front of the ego as the law allows."""
     EMERGENCY = "emergency"
     """No certificate has been accepted yet, or others have broken what it rests on: the best that
     was found, nothing is proven."""
@@ -139,7 +139,7 @@ class Decider:
         elif carried is not None:
             carried, decision = self._without_new_certificate(carried, decision)
         else:
-            decision = self._emergency(decision, "no certificate has been accepted yet")
+            carried, decision = self._before_any_certificate(decision)
         self.memory = Memory(carried, past, self.memory.cycles + 1)
         return decision
 
@@ -163,10 +163,24 @@ class Decider:
         else:
             why = "the carried fail-safe may collide now, and no other was found"
             return None, self._emergency(decision, why)
-        states = carried.states(decision.scene.dt)
+        return carried, self._driving(carried, decision, note)
+
+    def _before_any_certificate(self, decision: Decision) -> tuple[Carried | None, Decision]:
+        """A fail-safe that keeps clear of all that others may do, else the emergency layer."""
+        none_yet = "no certificate has been accepted yet"
+        fresh = None if decision.basis is None else decision.basis.fail_safe_now()
+        if fresh is None:
+            return None, self._emergency(decision, none_yet)
+        self.operation, self.covered = Operation.RENEWED, True
+        note = f"{none_yet}, but a fail-safe was found: {fresh.strategy}"
+        carried = Carried(fresh.trajectory, fresh.strategy, 0.0)
+        return carried, self._driving(carried, decision, note)
+
+    def _driving(self, carried: Carried, decision: Decision, note: str) -> Decision:
         dt = decision.scene.dt
-        maneuver = Maneuver("fail-safe", None, states, dt, note, states, trajectory=carried.rest)
-        return carried, replace(decision, maneuver=maneuver)
+        states, rest = carried.states(dt), carried.rest
+        maneuver = Maneuver("fail-safe", None, states, dt, note, states, trajectory=rest)
+        return replace(decision, maneuver=maneuver)
 
     def _emergency(self, decision: Decision, why: str) -> Decision:
         """The best that is found with the emergency layer's own limits; nothing is proven of it."""

@@ -313,7 +313,7 @@ def test_accept_is_asked_and_named() -> None:
         base, verdict.specification, verdict.reachable_set, accept=lambda found: "no fail-safe"
     )
     assert isinstance(missed, Miss)
-    assert "8 are valid, but no fail-safe" in missed.reason
+    assert "2 are valid, but no fail-safe" in missed.reason
 
 
 def test_the_start_is_named() -> None:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from reach_scenes import Course
+from sandra.planning.single_track import step
 from sandra.reach.initial import LATERAL_REACH, _borders_between, _box, initial_set, lattice_of
 from sandra.settings import Settings
 
@@ -33,6 +34,19 @@ def test_the_state_along_and_across_the_lane() -> None:
     assert lon[2] == pytest.approx((40.0 + 0.25, v_s + 0.125))
     assert lat[0] == pytest.approx((0.5 - 0.25, v_d - 0.125))
     assert lat[2] == pytest.approx((0.5 + 0.25, v_d + 0.125))
+
+
+def test_a_body_that_steers_moves_along_heading_and_slip() -> None:
+    """As the single-track model of the witness has it; a step later it is where the set says."""
+    scene = Course().scene(d=0.5, angle=0.1, speed=12.0)
+    steering = replace(scene.ego.state, steering_angle=0.08)
+    scene = replace(scene, ego=replace(scene.ego, state=steering))
+    (_, (_, v_d)) = ((0, 0), initial_set(scene, Settings())[1][0])
+    state = np.array([steering.x, steering.y, steering.heading, 12.0, 0.08])
+    after = step(state, np.zeros(2), 1e-4, scene.ego.wheelbase)
+    d = scene.frame.to_curvilinear(np.array([state[:2], after[:2]]))[:, 1]
+    assert v_d == pytest.approx((d[1] - d[0]) / 1e-4, rel=1e-3)
+    assert abs(v_d - 12.0 * np.sin(0.1)) > 0.3
 
 
 def s_range(speed: float, horizon: int, dt: float, **changes: float) -> tuple[float, float]:

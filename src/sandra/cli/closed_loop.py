@@ -22,7 +22,11 @@ def add(actions: Any) -> None:
         "--drivers",
         default="idle,slower,faster,fail-safe,random,idm",
         metavar="LIST",
-        help="of idle, slower, faster, fail-safe, random, idm, oracle (minutes for each setting)",
+        help="of idle, slower, faster, fail-safe, random, idm, oracle (minutes for each setting), "
+        "dilu:MODEL (a language model; docs/dilu.md)",
+    )
+    parser.add_argument(
+        "--base-url", metavar="URL", help="of an OpenAI-compatible server, for dilu"
     )
     parser.add_argument("--settings", default="1,2,3", metavar="LIST", help="of the paper")
     seeds = parser.add_mutually_exclusive_group()
@@ -54,10 +58,12 @@ def add(actions: Any) -> None:
 def _closed_loop(arguments: argparse.Namespace) -> int:
     from sandra.evaluation.closed_loop import OURS, PAPER
     from sandra.evaluation.closed_loop.table import tabulate
+    from sandra.simulation.dilu import located
     from sandra.simulation.highway import SEEDS
     from sandra.simulation.policies import policy
 
-    drivers = [word.strip() for word in arguments.drivers.split(",")]
+    words = arguments.drivers.split(",")
+    drivers = [located(word.strip(), arguments.base_url) for word in words]
     for driver in drivers:
         policy(driver)  # rather an error now than after minutes
     if arguments.repeats < 1:

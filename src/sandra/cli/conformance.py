@@ -55,6 +55,13 @@ def add(commands: Any) -> None:
         "--every", type=int, default=10, metavar="N", help="predict from every N-th step"
     )
     parser.add_argument(
+        "--step",
+        type=float,
+        default=0.0,
+        metavar="S",
+        help="look at every S seconds, e.g. the step that is verified; 0: each recorded step",
+    )
+    parser.add_argument(
         "--noise", type=float, default=0.02, metavar="M", help="of recorded positions [m]"
     )
     parser.add_argument(
@@ -83,6 +90,7 @@ def _conformance(arguments: argparse.Namespace) -> int:
         horizon=arguments.coverage,
         every=arguments.every,
         noise=arguments.noise,
+        step=arguments.step,
         workers=workers_of(arguments),
         progress=_progress,
     )

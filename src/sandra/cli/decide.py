@@ -37,7 +37,8 @@ def add(commands: Any) -> None:
         default="rules",
         metavar="NAME",
         help="rules (rule-based, no language model), openai:MODEL, random:SEED, replay:FILE, "
-        "exhaustive, or MODULE:ATTRIBUTE of your own",
+        "exhaustive, or MODULE:ATTRIBUTE of your own; to see what a bad one does: adversarial, "
+        "always:PAIR, garbage, late:SECONDS",
     )
     parser.add_argument("--base-url", metavar="URL", help="of an OpenAI-compatible server")
     parser.add_argument(

@@ -109,7 +109,7 @@ def _drive(arguments: argparse.Namespace) -> int:
         for episode in found:
             print(_line(episode))
         print(f"run folder: {folder.path}")
-    return 0 if all(episode["metrics"]["success"] for episode in found) else 1
+    return 0 if all(episode["collision"] is None for episode in found) else 1
 
 
 def default_name(how: Drive) -> str:

@@ -139,18 +139,31 @@ def _ahead(
         rows = rows[inside[rows]]
     else:
         rows = rows[_reaching_into(lane, others.shapes[rows])]
-    step = others.step[rows]
-    corners = others.corners[rows]
-    along = lane.frame.to_curvilinear(corners.reshape(-1, 2))[:, 0].reshape(corners.shape[:2])
     centre = lane.frame.to_curvilinear(states[:, :2])[:, 0]
-    room = along.min(axis=1) - others.radius[rows] - (centre[step] + length / 2)
     theirs = lane.frame.to_curvilinear(others.states[rows, :2])[:, 0]
+    near = _may_be_nearest(others, rows, theirs, centre, length)
+    rows, theirs = rows[near], theirs[near]
+    step, corners = others.step[rows], others.corners[rows]
+    along = lane.frame.to_curvilinear(corners.reshape(-1, 2))[:, 0].reshape(corners.shape[:2])
+    room = along.min(axis=1) - others.radius[rows] - (centre[step] + length / 2)
     turned = others.states[rows, 2] - lane.frame.heading(theirs)
     speed = np.maximum(others.states[rows, 3] * np.cos(turned), 0.0)
     before = room >= 0.0
     beside = np.flatnonzero(~before & (theirs > centre[step]))
     before[beside] = shapely.intersects(others.shapes[rows[beside]], shapes[step[beside]])
     return step[before], room[before], speed[before], others.ids[rows[before]]
+
+
+def _may_be_nearest(others: Others, rows: Ints, s: Array, centre: Array, length: float) -> Bools:
+    """Which bodies with their centres at s may be the nearest in front, or run into."""
+    step = others.step[rows]
+    away = others.corners[rows] - others.states[rows, None, :2]
+    # Twice its size: in a sharp bend s grows faster than the way.
+    reach = 2 * (np.linalg.norm(away, axis=2).max(axis=1) + others.radius[rows])
+    sure = s - reach >= centre[step] + length / 2
+    least = np.full(len(centre), np.inf)
+    np.minimum.at(least, step[sure], (s + reach)[sure])
+    return np.asarray((s + reach > centre[step]) & (s - reach <= least[step]))
 
 
 def safe_distance(v: Array, v_o: Array, s: Settings) -> Array:

@@ -70,6 +70,20 @@ def driven_lanes(lanelets: tuple[Lanelet, ...], bodies: Any, poses: Array) -> li
     return found
 
 
+def course(lanelet: Lanelet, points: Array) -> Array:
+    """(n,) direction of the part of a lanelet's centre line that is nearest to each point [rad]."""
+    line = lanelet.center
+    line = line[np.append(True, np.any(np.diff(line, axis=0) != 0.0, axis=1))]
+    middle, way = (line[1:] + line[:-1]) / 2, np.diff(line, axis=0)
+    length = np.hypot(way[:, 0], way[:, 1])
+    away = points[:, None] - middle
+    # Beside a segment up to its ends, beyond them from there.
+    along = np.clip((away * way).sum(axis=2) / length**2, -0.5, 0.5)
+    apart = np.linalg.norm(away - along[..., None] * way, axis=2)
+    nearest = np.argmin(apart, axis=1)
+    return np.asarray(np.arctan2(way[nearest, 1], way[nearest, 0]))
+
+
 def _touched(grounds: dict[int, Any], bodies: Any) -> dict[int, Bools]:
     """For each lanelet that is touched at all, the steps at which it is."""
     ids = list(grounds)
@@ -89,10 +103,8 @@ def _by_direction(
     along: dict[int, Bools] = {}
     against: dict[int, Bools] = {}
     for i, mask in touched.items():
-        frame = lane_frame(network[i].center)
         rows = np.flatnonzero(mask)
-        s = frame.to_curvilinear(poses[rows, :2])[:, 0]
-        cosine = np.cos(poses[rows, 2] - frame.heading(s))
+        cosine = np.cos(poses[rows, 2] - course(network[i], poses[rows, :2]))
         for found, there in ((along, cosine >= ALONG), (against, cosine <= -ALONG)):
             if there.any():
                 found[i] = np.zeros(len(poses), dtype=bool)

@@ -8,16 +8,15 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from sandra.scene.network import lane_frame
-from sandra.scene.types import Scene, areas
+from sandra.monitor.lanes import ALONG, course
+from sandra.scene.types import Lanelet, Scene, areas
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
+Ints = NDArray[np.int_]
 
 NEIGHBOURHOOD = 0.1
 """A point between lanelets belongs to those this close [m]: maps leave slits."""
-_SAME_WAY = 0.5
-"""Cosine from which on a lanelet counts as one that the ego follows."""
 
 
 def signed_limits(scene: Scene, poses: Array) -> tuple[Array, Bools]:
@@ -49,13 +48,11 @@ def signed_limits(scene: Scene, poses: Array) -> tuple[Array, Bools]:
 
 
 def _same_way(
-    by_id: Mapping[int, object], ids: list[int], step: Array, row: Array, poses: Array
+    by_id: Mapping[int, Lanelet], ids: list[int], step: Ints, row: Ints, poses: Array
 ) -> Bools:
     found = np.zeros(len(step), dtype=bool)
     for r in np.unique(row):
         here = row == r
-        frame = lane_frame(by_id[ids[r]].center)  # type: ignore[attr-defined]
         at = poses[step[here]]
-        course = frame.heading(frame.to_curvilinear(at[:, :2])[:, 0])
-        found[here] = np.cos(at[:, 2] - course) >= _SAME_WAY
+        found[here] = np.cos(at[:, 2] - course(by_id[ids[r]], at[:, :2])) >= ALONG
     return found

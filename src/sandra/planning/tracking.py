@@ -3,7 +3,8 @@
 The acceleration is given and applied as it is, so speed and distance driven are known beforehand;
 only the steering is found here. At each step the steering angle of its end is chosen such that
 the course (heading + slip) there is that of the reference, turned back towards it by the distance
-to it; then the limits are enforced. The result is a simulation of the model, not the reference.
+to it; then the limits are enforced, that of the lateral acceleration on the course, too. The result
+is a simulation of the model, not the reference.
 """
 
 from __future__ import annotations
@@ -98,8 +99,11 @@ def _follow_one(
         away = (y - w) * cos(course) - (x - u) * sin(course)
         goal = courses[i + 1] - atan(GAIN * away)
         missing = (goal - theta + pi) % (2 * pi) - pi
+        # The course turns by heading and slip together: what the body's centre feels across.
+        slip, swing = atan(tan(delta) / 2), limits.a_lat_max * tau / max(v0, v1, 1e-9)
+        missing = min(max(missing, slip - swing), slip + swing)
         # The heading at the end is theta + tau/wb (v0 sin beta0 + v1 sin beta1), by trapezoids.
-        rest = missing - tau / wheelbase * v0 * sin(atan(tan(delta) / 2))
+        rest = missing - tau / wheelbase * v0 * sin(slip)
         ratio = tau / wheelbase * v1
         beta = rest / (1.0 + ratio)
         for _ in range(NEWTON):

@@ -139,6 +139,8 @@ def _parts(sides: Points) -> list[tuple[int, int]]:
 
 def _straight_parts(sides: Points, low: int, high: int) -> list[tuple[int, int]]:
     """Greedy: each part as long as both borders stay within STRAIGHT of their chords."""
+    if _is_straight(sides[low : high + 1]):
+        return [(low, high)]
     parts = []
     first = low
     while first < high:

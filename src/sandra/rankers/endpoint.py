@@ -25,17 +25,21 @@ BACKOFF = 0.2
 _GRACE = 0.25
 """After the deadline, a request that nobody waits for any more ends itself [s]."""
 
+_LATE = "the server did not answer in time"
 _OPENAI_HOST = "api.openai.com"
 _PASSING = (Failure.RATE_LIMITED, Failure.SERVER_ERROR, Failure.UNREACHABLE)
 
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """System text, then turns of (role, text), and the schema of the answer to the last one."""
+    """System text, then turns of (role, text), and the schema of the answer to the last one.
+
+    Without a schema (None) any text will do.
+    """
 
     system: str
     turns: tuple[tuple[str, str], ...]
-    schema: dict[str, Any]
+    schema: dict[str, Any] | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,13 +67,13 @@ class Endpoint:
     def __init__(self, model: str, base_url: str | None, options: dict[str, Any]) -> None:
         self._model = model
         self._options = options
-        self._client = _client(base_url or os.environ.get("OPENAI_BASE_URL") or None)
+        self._client = client_for(base_url)
         # Imports half of the library: here, so that no ranking pays for it.
         self._completions = self._client.chat.completions.with_streaming_response
 
     def ask(self, question: Question, deadline: Deadline, replies: list[Reply]) -> Problem | Reply:
         """Ask up to `ATTEMPTS` times; the last reply is also put into `replies` as it grows."""
-        with_schema = True
+        with_schema = question.schema is not None
         attempt = 0
         while True:
             result = self._request(question, deadline, with_schema, replies)
@@ -100,15 +104,10 @@ class Endpoint:
                 replies.append(reply)
                 content_type = response.headers.get("content-type", "")
                 read(response.iter_bytes(), content_type, reply, deadline)
-        except openai.APIStatusError as error:
-            return _refused_request(error)
         except (openai.APITimeoutError, httpx2.TimeoutException):
-            return self._broken(
-                reply, Problem(Failure.TIMEOUT, "the server did not answer in time")
-            )
-        except openai.APIConnectionError as error:
-            words = f"{self._client.base_url} cannot be reached ({error.__cause__ or error})"
-            return Problem(Failure.UNREACHABLE, words)
+            return self._broken(reply, Problem(Failure.TIMEOUT, _LATE))
+        except openai.APIError as error:
+            return problem_of(error, self._client)
         except httpx2.HTTPError as error:
             words = f"the connection broke ({type(error).__name__}: {error})"
             return self._broken(reply, Problem(Failure.UNREACHABLE, words))
@@ -127,7 +126,7 @@ class Endpoint:
         if with_schema:
             schema = {"name": "ranking", "strict": True, "schema": question.schema}
             extra["response_format"] = {"type": "json_schema", "json_schema": schema}
-        else:
+        elif question.schema is not None:
             words = json.dumps(question.schema, ensure_ascii=False)
             system += f"\nThe answer must fit this JSON schema: {words}"
         messages = [{"role": role, "content": text} for role, text in question.turns]
@@ -138,9 +137,15 @@ class Endpoint:
         }
 
 
-def _client(base_url: str | None) -> openai.OpenAI:
+def client_for(base_url: str | None) -> openai.OpenAI:
+    """A client of a server; None: that of OPENAI_BASE_URL, else OpenAI's.
+
+    Raises:
+        RankerError: no key for OpenAI's own server, or a bad address.
+    """
     import openai
 
+    base_url = base_url or os.environ.get("OPENAI_BASE_URL") or None
     address = urlsplit(base_url or f"https://{_OPENAI_HOST}/v1")
     if address.scheme not in ("http", "https") or not address.hostname:
         raise RankerError(
@@ -153,6 +158,20 @@ def _client(base_url: str | None) -> openai.OpenAI:
         )
     # Retries and the deadline are kept here: the library's are per attempt.
     return openai.OpenAI(api_key=key or "not-needed", base_url=base_url, max_retries=0)
+
+
+def problem_of(error: openai.APIError, client: openai.OpenAI) -> Problem:
+    """What went wrong with a request, by name."""
+    import openai
+
+    if isinstance(error, openai.APIStatusError):
+        return _refused_request(error)
+    if isinstance(error, openai.APITimeoutError):
+        return Problem(Failure.TIMEOUT, _LATE)
+    if isinstance(error, openai.APIConnectionError):
+        words = f"{client.base_url} cannot be reached ({error.__cause__ or error})"
+        return Problem(Failure.UNREACHABLE, words)
+    return Problem(Failure.MALFORMED, f"the server's answer cannot be read ({error.message})")
 
 
 def _rejects_schema(problem: Problem) -> bool:

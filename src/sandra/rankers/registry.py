@@ -3,22 +3,42 @@
 from __future__ import annotations
 
 import importlib
+import math
 import re
 from collections.abc import Callable
 
+from sandra.actions import ActionPair
 from sandra.describe.types import Prompt
-from sandra.errors import RankerError
+from sandra.errors import ActionError, RankerError
 from sandra.rankers import replay
+from sandra.rankers.adversarial import AdversarialRanker
 from sandra.rankers.chat import DEADLINE, ChatRanker
+from sandra.rankers.misbehaving import AlwaysRanker, GarbageRanker, LateRanker
 from sandra.rankers.rules import RulesRanker
 from sandra.rankers.simple import Answer, ExhaustiveRanker, PlugIn, RandomRanker, plug_in
 from sandra.rankers.types import Ranker, Ranking
 
 CHOICES = (
-    "openai:MODEL, rules, random[:SEED], exhaustive, replay:FILE[#column=value], "
-    "or module:attribute of your own"
+    "openai:MODEL, rules, random[:SEED], exhaustive, replay:FILE[#column=value], adversarial, "
+    "always:PAIR, garbage, late:SECONDS, or module:attribute of your own"
 )
-_OWN = (ChatRanker, RulesRanker, RandomRanker, ExhaustiveRanker, replay.ReplayRanker)
+_PLAIN: dict[str, Callable[[], Ranker]] = {
+    "rules": RulesRanker,
+    "exhaustive": ExhaustiveRanker,
+    "adversarial": AdversarialRanker,
+    "garbage": GarbageRanker,
+}
+_OWN = (
+    ChatRanker,
+    RulesRanker,
+    RandomRanker,
+    ExhaustiveRanker,
+    replay.ReplayRanker,
+    AdversarialRanker,
+    AlwaysRanker,
+    GarbageRanker,
+    LateRanker,
+)
 _IMPORT = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_][\w.]*")
 
 
@@ -53,11 +73,13 @@ def create(
         return RandomRanker(_seed(rest) if colon else seed or 0)
     if kind == "replay" and rest:
         return replay.load(rest)
-    if spec.strip() == "rules":
-        return RulesRanker()
-    if spec.strip() == "exhaustive":
-        return ExhaustiveRanker()
-    if _IMPORT.fullmatch(spec.strip()) and kind not in ("rules", "exhaustive", "replay"):
+    if kind == "always" and rest:
+        return _always(rest)
+    if kind == "late" and rest:
+        return LateRanker(_seconds(rest))
+    if spec.strip() in _PLAIN:
+        return _PLAIN[spec.strip()]()
+    if _IMPORT.fullmatch(spec.strip()) and kind not in (*_PLAIN, "replay"):
         return _imported(kind, rest, deadline)
     raise RankerError(f"unknown ranker '{spec}': choose from {CHOICES}")
 
@@ -89,6 +111,25 @@ def _seed(text: str) -> int:
         raise RankerError(
             f"random: '{text}' is no seed; write an integer, as in random:7"
         ) from None
+
+
+def _always(text: str) -> Ranker:
+    try:
+        return AlwaysRanker(ActionPair.parse(text))
+    except ActionError as error:
+        raise RankerError(f"always: {error}") from None
+
+
+def _seconds(text: str) -> float:
+    try:
+        seconds = float(text)
+    except ValueError:
+        seconds = math.nan
+    if not 0.0 < seconds < math.inf:
+        raise RankerError(
+            f"late: '{text}' is no time; write seconds greater than 0, as in late:0.5"
+        )
+    return seconds
 
 
 def _imported(module: str, attribute: str, deadline: float) -> Ranker:

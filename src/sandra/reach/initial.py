@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import cos, sin
+from math import atan, cos, sin, tan
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,12 +19,16 @@ LATERAL_REACH = 1.0
 
 
 def initial_set(scene: Scene, settings: Settings) -> tuple[Polygon, Polygon]:
-    """The initial state in the lane frame, widened by its measurement uncertainty."""
+    """The initial state in the lane frame, widened by its measurement uncertainty.
+
+    The centre of a body that steers moves along heading and slip (`planning.single_track`).
+    """
     s, d, heading, _ = scene.ego_curvilinear
+    course = heading + atan(tan(scene.ego.state.steering_angle) / 2)
     kappa = float(scene.frame.curvature(np.array([s]))[0])
     speed = scene.ego.state.speed
-    v_s = speed * cos(heading) / (1.0 - kappa * d)
-    v_d = speed * sin(heading)
+    v_s = speed * cos(course) / (1.0 - kappa * d)
+    v_d = speed * sin(course)
     ds, dv = settings.s_uncertainty, settings.v_uncertainty
     return _box(s, v_s, ds, dv), _box(d, v_d, ds, dv)
 

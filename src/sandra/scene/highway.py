@@ -140,12 +140,21 @@ def _joined(
     """Lanes at a node that go on where this one ends, or end where it begins."""
     ends = (-1, 0) if forwards else (0, -1)
     here = sum(line[ends[0]] for line in borders[index]) / 2
+    course = _course(borders[index], ends[0])
     for other, number in ids.items():
         if other[0 if forwards else 1] != node:
             continue
         there = sum(line[ends[1]] for line in borders[other]) / 2
-        if float(np.linalg.norm(there - here)) <= 1.0:
+        # Where both directions share one lane, the other one is no way on.
+        same_way = float(course @ _course(borders[other], ends[1])) > 0.0
+        if same_way and float(np.linalg.norm(there - here)) <= 1.0:
             yield number
+
+
+def _course(lines: tuple[Array, Array], end: int) -> Array:
+    """(2,) direction of travel at the start (0) or the end (-1) of a lane."""
+    first, second = (0, 1) if end == 0 else (-2, -1)
+    return np.asarray(sum(line[second] - line[first] for line in lines))
 
 
 def _adjacent(

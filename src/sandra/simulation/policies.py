@@ -96,9 +96,14 @@ POLICIES = tuple(_POLICIES)
 
 
 def policy(name: str, repeat: int = 0) -> Policy:
-    """One of `POLICIES` by its name; `repeat` tells runs of a random one apart."""
+    """One of `POLICIES` or `dilu:MODEL` by its name; `repeat` tells runs of a random one apart."""
+    if name.startswith("dilu:"):
+        from sandra.simulation.dilu import named
+
+        return named(name)
     if name not in _POLICIES:
-        raise SettingsError(f"policy: '{name}' is unknown; known are {', '.join(POLICIES)}")
+        known = ", ".join((*POLICIES, "dilu:MODEL"))
+        raise SettingsError(f"policy: '{name}' is unknown; known are {known}")
     return _POLICIES[name](repeat)
 
 

@@ -24,6 +24,10 @@ _RANKERS = {
     "exhaustive": "every pair, no LLM",
     "replay": "recorded answers",
     "openai": "language model",
+    "adversarial": "nearest to a collision first, no LLM",
+    "always": "the same pair always, no LLM",
+    "garbage": "no ranking, no LLM",
+    "late": "never in time, no LLM",
 }
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import shapely
 
+from prediction.traffic import car
 from rollout_scenes import stopping, two_lanes
 from sandra.certificate.types import Participant
 from sandra.evaluation.rollouts.actors import FIXED, LANES, actors_of
@@ -20,6 +21,7 @@ from sandra.evaluation.rollouts.routes import routes_of
 from sandra.evaluation.rollouts.traffic import Ego, Motion, simulate
 from sandra.evaluation.rollouts.walkers import wander
 from sandra.prediction import PredictedObstacle, predict
+from sandra.prediction.straight_road import StraightRoad
 from sandra.scenarios import examples
 from sandra.scene import load
 from sandra.scene.types import Scene
@@ -153,6 +155,21 @@ MILD = Settings(assumptions=replace(OPEN.assumptions, max_braking=5.0, max_drivi
 def test_who_brakes_and_drives_within_bounds_of_their_own(name: str) -> None:
     scene = load(examples()[name])
     outside, looked = escapes(scene, 24, MILD, MILD)
+    assert outside == 0
+    assert looked > 3000
+
+
+@pytest.mark.parametrize("settings", [OPEN, MILD], ids=["open", "mild"])
+def test_on_a_straight_road_where_sets_have_a_closed_form(settings: Settings) -> None:
+    others = (
+        car(1, -60.0, -1.75, speed=15.0),
+        car(2, -120.0, 1.75, speed=25.0),
+        car(3, -100.0, 2.4, 0.05, 8.0),
+        car(4, -40.0, 1.0, -0.1, 0.0),
+    )
+    scene = two_lanes(*others)
+    assert StraightRoad.of(scene.lanelets, 10.0) is not None
+    outside, looked = escapes(scene, 80, settings, settings)
     assert outside == 0
     assert looked > 3000
 

@@ -10,6 +10,7 @@ from sandra.actions import ActionPair
 from sandra.decider import Decider
 from sandra.errors import SettingsError
 from sandra.evaluation.closed_loop.driven import Outcome, outcome, run_of
+from sandra.evaluation.closed_loop.metrics import Convention
 from sandra.planning import Weights
 from sandra.settings import Settings
 from sandra.simulation.episode import Episode, Step, drive
@@ -126,7 +127,8 @@ def play(
     episode = drive(how.world(), seed, how.decider(), name=name, steps=how.steps, on_step=on_step)
     setting = how.setting if how.environment == "highway" else None
     run = run_of(episode, how.ranker, seed, setting, how.profile)
-    return episode, outcome(episode, run, how.settings)
+    whole = Convention(how.steps, how.steps)
+    return episode, outcome(episode, run, how.settings, convention=whole)
 
 
 def words(pair: ActionPair | None) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial, reduce
@@ -15,7 +16,7 @@ from sandra.errors import ScenarioError, SettingsError
 from sandra.evaluation.conformance.coverage import Coverage, coverage
 from sandra.evaluation.conformance.measure import Finding, amounts, findings
 from sandra.evaluation.conformance.motion import position_error
-from sandra.evaluation.conformance.recording import Recording, marked_crashes, recording
+from sandra.evaluation.conformance.recording import CRASHED, Recording, marked_crashes, recording
 from sandra.evaluation.conformance.report import Conformance, Source
 from sandra.evaluation.workers import Broken, in_order
 from sandra.scene import load
@@ -27,18 +28,14 @@ TOWARDS = ("all", "ego")
 
 @dataclass(frozen=True, slots=True)
 class _Item:
-    """A recording, and who has crashed in it from which step on."""
+    """A recording, its name, and who has crashed in it from which step on."""
 
     given: str | Path | Scene
+    name: str
     crashed: dict[int, int]
 
     def __repr__(self) -> str:
         return self.name
-
-    @property
-    def name(self) -> str:
-        """Of the file, or of the scene."""
-        return self.given.name if isinstance(self.given, Scene) else Path(self.given).name
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +46,7 @@ class _Options:
     horizon: int
     every: int
     noise: float
+    step: float
 
 
 def conformance(
@@ -61,6 +59,7 @@ def conformance(
     horizon: int = 0,
     every: int = 10,
     noise: float = 0.02,
+    step: float = 0.0,
     workers: int = 1,
     progress: Callable[[str], None] = lambda words: None,
 ) -> Conformance:
@@ -70,12 +69,15 @@ def conformance(
         recordings: CommonRoad files, or scenes whose obstacles have `states`.
         towards: who is taken for the ego by `no_rear_end` and `legal_cut_in`: "all" vehicles in
             turn, or the recorded "ego" alone.
-        crashed: by file name or scene name, the step from which on a vehicle has crashed and is no
+        crashed: by name of a recording (of the scene, or of the file, below the folder that all
+            files have in common), the step from which on a vehicle has crashed and is no
             evidence; added to what the file RECORDING.crashed.json says.
         touching: bodies that touch have crashed, too.
         horizon: steps for which sets are predicted and compared (coverage); 0: none.
         every: predict from every so many steps of a recording.
         noise: recorded positions may be off by so much in a step [m].
+        step: look at every so many seconds of a recording, e.g. at the steps that are verified, as
+            near as it allows; 0: at all its steps.
         workers: processes; 0 for one on each core.
 
     Raises:
@@ -86,13 +88,17 @@ def conformance(
         raise SettingsError(f"towards = {towards!r}: choose from {', '.join(TOWARDS)}")
     if horizon < 0 or every < 1:
         raise SettingsError(f"horizon = {horizon} must be >= 0, every = {every} at least 1")
-    if not 0.0 <= noise < math.inf:
-        raise SettingsError(f"noise = {noise} must be a finite number >= 0")
+    for name, value in (("noise", noise), ("step", step)):
+        if not 0.0 <= value < math.inf:
+            raise SettingsError(f"{name} = {value} must be a finite number >= 0")
     settings = Settings() if settings is None else settings
-    options = _Options(settings, towards, touching, horizon, every, noise)
+    options = _Options(settings, towards, touching, horizon, every, noise, step)
     marked = crashed or {}
-    items = [_Item(x, {}) for x in recordings]
-    items = [_Item(x.given, dict(marked.get(x.name, {}))) for x in items]
+    names = _names(recordings)
+    items = [
+        _Item(x, name, dict(marked.get(name, {})))
+        for x, name in zip(recordings, names, strict=True)
+    ]
     known = {x.name for x in items}
     for name in marked:
         if name not in known:
@@ -144,6 +150,16 @@ def recordings_in(paths: Sequence[Path]) -> list[Path]:
     return list(dict.fromkeys(found))
 
 
+def _names(recordings: Sequence[str | Path | Scene]) -> list[str]:
+    """Scenes by their names, files by their paths below the folder that they have in common."""
+    files = [Path(x).absolute() for x in recordings if not isinstance(x, Scene)]
+    folder = os.path.commonpath([file.parent for file in files]) if files else ""
+    return [
+        x.name if isinstance(x, Scene) else Path(x).absolute().relative_to(folder).as_posix()
+        for x in recordings
+    ]
+
+
 def _judged(options: _Options, item: _Item) -> tuple[Source, list[Finding], Coverage | None]:
     given, crashed = item.given, item.crashed
     if isinstance(given, Scene):
@@ -152,8 +168,13 @@ def _judged(options: _Options, item: _Item) -> tuple[Source, list[Finding], Cove
         path = Path(given)
         scene = load(path, settings=options.settings)
         digest = hashlib.sha256(path.read_bytes()).hexdigest()
-        crashed = {**marked_crashes(path), **crashed}
-    made = recording(scene, crashed, touching=options.touching)
+        # A run folder marks whoever the simulation had, seen here or not.
+        ids = {scene.ego.id, *(o.id for o in scene.obstacles)}
+        marked = marked_crashes(path)
+        if not path.with_suffix(CRASHED).exists():
+            marked = {i: at for i, at in marked.items() if i in ids}
+        crashed = {**marked, **crashed}
+    made = recording(scene, crashed, touching=options.touching, step=options.step)
     values, off = amounts(made, options.settings, options.towards, options.noise)
     found = findings(made, item.name, values, options.settings.assumptions)
     cover = None

@@ -83,7 +83,7 @@ def _from(
             outline = predicted.obstacle.outline
             body = outline.placed(*r.states[row, start + k, :3].tolist())
             if not _within(body, predicted.at[k]):
-                missed.append((r.ids[row], start, start + k))
+                missed.append((r.ids[row], start * r.stride, (start + k) * r.stride))
     return Coverage(1, looked, looked - len(missed), tuple(missed))
 
 

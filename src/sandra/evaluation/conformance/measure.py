@@ -141,7 +141,7 @@ def findings(r: Recording, file: str, values: dict[str, Array], a: Assumptions) 
         if told.any():
             row, step = np.unravel_index(int(np.nanargmax(here)), here.shape)
             worst = float(here[row, step])
-            where = Where(file, r.ids[int(row)], int(step))
+            where = Where(file, r.ids[int(row)], int(step) * r.stride)
             if name == "min_turning_radius":
                 worst = math.inf if worst == 0.0 else 1.0 / worst
         found.append(

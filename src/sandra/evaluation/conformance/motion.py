@@ -1,10 +1,11 @@
 """How fast, how hard and how tightly vehicles move, by finite differences over a recording's step.
 
-The velocity is the recorded speed in the direction of the recorded heading. Between two states there
-is a motion with |a| at most |dv| / dt + 4 e / dt^2, where e is the distance from the recorded
-position to where the mean of both velocities leads: the mean acceleration, and a swing to either
-side of it in the halves of the step. So much is what `max_acceleration` is asked for; of e, `noise`
-is granted to the recording. `max_braking` and `max_driving` are differences of speeds alone.
+The velocity is the recorded speed in the direction of the recorded heading. `max_acceleration` is
+asked for |dv| / dt, and for 2 e / dt^2, where e is the distance of the next position from where
+the velocity leads, less `noise`, which is granted to the recording. If both are at most a in every
+step, then after n steps a vehicle is within a (n dt)^2 / 2 of where its first velocity leads: what
+the prediction holds. Peaks within a step are not seen. `max_braking` and `max_driving` are asked
+for differences of speeds alone.
 """
 
 from __future__ import annotations
@@ -39,9 +40,10 @@ def motion(r: Recording, noise: float) -> dict[str, Array]:
         found[:, 1:] = np.where(both, values, np.nan)
         return found
 
-    velocity = speed[:, :, None] * np.stack([np.cos(heading), np.sin(heading)], axis=2)
-    swing = 4 * np.maximum(_position_errors(r) - noise, 0.0) / r.dt**2
-    push = later(np.linalg.norm(np.diff(velocity, axis=1), axis=2) / r.dt + swing)
+    velocity = _velocity(r)
+    change = np.linalg.norm(np.diff(velocity, axis=1), axis=2) / r.dt
+    led_away = 2 * np.maximum(_led_away(r, velocity[:, :-1]) - noise, 0.0) / r.dt**2
+    push = later(np.maximum(change, led_away))
     gain = later(np.diff(np.abs(speed), axis=1) / r.dt)
     turn = np.maximum(np.abs(_wrap(np.diff(heading, axis=1))) - TURN_NOISE, 0.0)
     step = np.diff(x, axis=1)
@@ -65,17 +67,22 @@ def motion(r: Recording, noise: float) -> dict[str, Array]:
 
 
 def position_error(r: Recording) -> float:
-    """How far recorded positions are from where the recorded speeds lead in a step, at most [m]."""
+    """How far positions are from where the mean of the velocities before and after leads [m]."""
+    v = _velocity(r)
     both = r.there[:, 1:] & r.there[:, :-1] & ~_ego_row(r)[:, None]
-    return float(_position_errors(r)[both].max(initial=0.0))
+    errors = _led_away(r, (v[:, :-1] + v[:, 1:]) / 2)
+    return float(errors[both].max(initial=0.0))
 
 
-def _position_errors(r: Recording) -> Array:
-    """(m, n-1) [m]"""
+def _velocity(r: Recording) -> Array:
+    """(m, n, 2) [m/s]"""
     speed, heading = r.states[:, :, 3], r.states[:, :, 2]
-    velocity = speed[:, :, None] * np.stack([np.cos(heading), np.sin(heading)], axis=2)
-    led = r.dt * (velocity[:, 1:] + velocity[:, :-1]) / 2
-    return np.asarray(np.linalg.norm(np.diff(r.states[:, :, :2], axis=1) - led, axis=2))
+    return np.asarray(speed[:, :, None] * np.stack([np.cos(heading), np.sin(heading)], axis=2))
+
+
+def _led_away(r: Recording, velocity: Array) -> Array:
+    """(m, n-1) distances of the next positions from where velocities (m, n-1, 2) lead [m]."""
+    return np.asarray(np.linalg.norm(np.diff(r.states[:, :, :2], axis=1) - r.dt * velocity, axis=2))
 
 
 def _slip(step: Array, heading: Array, both: NDArray[np.bool_]) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,8 @@ Bools = NDArray[np.bool_]
 
 CRASHED = ".crashed.json"
 """Beside RECORDING.xml, RECORDING.crashed.json holds {"ID": STEP, ...}: crashed from then on."""
+METRICS = "metrics.json"
+"""Of an episode in a run folder: beside its scenario.xml, with such an object as "crashed"."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,6 +45,8 @@ class Recording:
     """(m, n, 5) x, y, heading, speed, acceleration; NaN where it is not recorded."""
     there: Bools
     has_ego: bool
+    stride: int
+    """Steps of the file between two steps here."""
     crashed_steps: int
     """Vehicle steps that are left out, because the vehicle has crashed."""
 
@@ -85,7 +89,11 @@ class Recording:
 
 
 def recording(
-    scene: Scene, crashed: Mapping[int, int] | None = None, *, touching: bool = False
+    scene: Scene,
+    crashed: Mapping[int, int] | None = None,
+    *,
+    touching: bool = False,
+    step: float = 0.0,
 ) -> Recording:
     """The recorded vehicles of a scene.
 
@@ -93,6 +101,7 @@ def recording(
         scene: obstacles without a recording, and what stands by its nature, are left out.
         crashed: the step from which on a vehicle (by id) is no evidence any more.
         touching: a vehicle whose body touches another one's has crashed, too.
+        step: every so many seconds only, as near as the recording allows; 0: at all its steps.
 
     Raises:
         ScenarioError: `crashed` names a vehicle that is not recorded, or no step.
@@ -120,40 +129,53 @@ def recording(
         states,
         there,
         ego is not None,
+        1,
         0,
     )
     until = np.full(len(ids), n)
-    for id, step in (crashed or {}).items():
+    for id, at in (crashed or {}).items():
         if id not in ids or not step >= 0:
             raise ScenarioError(
-                f"{scene.name}: crashed vehicle {id} at step {step}: neither a recorded vehicle "
+                f"{scene.name}: crashed vehicle {id} at step {at}: neither a recorded vehicle "
                 f"nor a step; recorded are {', '.join(map(str, sorted(ids))) or 'none'}"
             )
-        until[ids.index(id)] = min(step, n)
+        until[ids.index(id)] = min(at, n)
     if touching:
         until = np.minimum(until, _first_contact(made))
     left = there & (np.arange(n) < until[:, None])
     values = {name: getattr(made, name) for name in Recording.__slots__}
-    values |= {"there": left, "crashed_steps": int(there.sum() - left.sum())}
+    stride = max(1, round(step / scene.dt))
+    there, left = there[:, ::stride], left[:, ::stride]
+    values |= {
+        "scene": replace(scene, dt=scene.dt * stride),
+        "states": states[:, ::stride],
+        "there": left,
+        "stride": stride,
+        "crashed_steps": int(there.sum() - left.sum()),
+    }
     return Recording(**values)
 
 
 def marked_crashes(path: Path) -> dict[int, int]:
-    """Who is marked as crashed in the file beside a recording; nobody where there is none.
+    """Who is marked as crashed beside a recording; nobody where there is no mark.
+
+    Read are RECORDING.crashed.json, {"ID": STEP, ...}, and the metrics.json of a run folder.
 
     Raises:
-        ScenarioError: a file that is not {"ID": STEP, ...}.
+        ScenarioError: marks that are none.
     """
-    beside = path.with_suffix(CRASHED)
-    if not beside.exists():
+    beside, metrics = path.with_suffix(CRASHED), path.parent / METRICS
+    file = beside if beside.exists() else metrics
+    if not file.exists():
         return {}
     try:
-        data = json.loads(beside.read_text(encoding="utf-8"))
-        found = {int(id): step for id, step in data.items()}
+        data = json.loads(file.read_text(encoding="utf-8"))
+        marks = data if file == beside else data.get("crashed", {})
+        found = {int(id): step for id, step in marks.items()}
     except (OSError, ValueError, AttributeError):
         found = {0: -1}
     if any(isinstance(x, bool) or not isinstance(x, int) or x < 0 for x in found.values()):
-        raise ScenarioError(f'{beside}: must hold steps by vehicle, {{"ID": STEP}}; mend it')
+        raise ScenarioError(f'{file}: crashed must be steps by vehicle, {{"ID": STEP}}; mend it')
     return found
 
 

@@ -69,8 +69,8 @@ def on_road(r: Recording, road: Map, noise: float) -> tuple[dict[str, Array], in
 
     no_reversing: speed against the lane [m/s]. stay_on_carriageway: distance of the centre from it
     [m]. follow_lanes: distance of the centre from the lanelets that follow, or lie beside, those of
-    the step before [m]. max_lateral_speed: of the velocity, and of the positions less `noise` [m/s].
-    max_overhang [m].
+    the step before [m]. max_lateral_speed: of the velocity, and of the positions less `noise`
+    [m/s]. max_overhang [m].
 
     Who is on no lane of its direction when first seen (second result: how many) is not asked: the
     prediction does not assume lanes of it either.
