@@ -46,10 +46,16 @@ def run(env, policy, seed, steps):
     return seen, rewards, infos
 
 
+def braking(prompt):
+    """A ranker: a function of the prompt."""
+    return [ActionPair.parse(pair) for pair in ("decelerate,follow-lane", "stop,follow-lane")]
+
+
 def test_who_always_goes_faster_crashes_and_with_the_shield_does_not():
     seed, steps = 1, 14
+    env = Shield(make(**ONE_LANE), replacement=braking, horizon=10)
     _, _, without = run(make(**ONE_LANE), lambda i: FASTER, seed, steps)
-    _, _, with_it = run(Shield(make(**ONE_LANE)), lambda i: FASTER, seed, steps)
+    _, _, with_it = run(env, lambda i: FASTER, seed, steps)
     assert without[-1]["crashed"]
     assert len(with_it) == steps
     assert not with_it[-1]["crashed"]
