@@ -6,7 +6,7 @@ BIN := .venv/bin
 export OMP_NUM_THREADS := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test coverage check soundness closed-loop differential mutation bench scenarios example-planner lock clean
+.PHONY: help demo test coverage check soundness closed-loop differential mutation bench scenarios example-planner example-shield lock clean
 
 help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z.-]+:.*## /{printf "  make %-15s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -88,10 +88,22 @@ example-planner: .venv/.installed .venv-planner/.installed  ## a published plann
 	.venv-planner/bin/python -m pip install --quiet --disable-pip-version-check --no-deps -r $<
 	@touch $@
 
+example-shield: .venv-shield/.installed  ## a DQN is trained, then drives without and with the shield (half an hour) [SEEDS=20]
+	.venv-shield/bin/python examples/shield/train.py
+	.venv-shield/bin/python examples/shield/compare.py --seeds $(or $(SEEDS),20)
+
+# PyTorch and Stable-Baselines3 are too heavy for the project's own lock.
+.venv-shield/.installed: requirements.lock pyproject.toml setup.py examples/shield/requirements.txt
+	$(PYTHON) -m venv .venv-shield
+	.venv-shield/bin/python -m pip install --quiet --disable-pip-version-check --no-deps -r requirements.lock
+	.venv-shield/bin/python -m pip install --quiet --disable-pip-version-check --no-deps -r examples/shield/requirements.txt
+	.venv-shield/bin/python -m pip install --quiet --disable-pip-version-check --no-deps -e .
+	@touch $@
+
 lock:  ## resolve requirements.lock anew (needs uv)
 	uv pip compile --quiet --universal --python-version 3.11 --extra highway --group dev --generate-hashes \
 	  --no-emit-index-url --no-emit-find-links --custom-compile-command "make lock" \
 	  --output-file requirements.lock pyproject.toml
 
 clean:  ## remove the virtual environment, caches and pictures
-	rm -rf .venv .venv-mutation .venv-peer .venv-planner .mutation demo build dist src/sandra/reach/_native.* .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf .venv .venv-mutation .venv-peer .venv-planner .venv-shield .mutation demo build dist src/sandra/reach/_native.* .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache

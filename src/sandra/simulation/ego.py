@@ -19,6 +19,9 @@ from sandra.planning import Trajectory
 
 Array = NDArray[np.float64]
 
+LOOK_AHEAD = 1.0
+"""The speed that a plan has after so long is told to the others as the ego's target [s]."""
+
 
 class PlannedVehicle(ControlledVehicle):  # type: ignore[misc]
     """A vehicle of highway-env that follows a `Trajectory`; without one it keeps its state.
@@ -40,15 +43,26 @@ class PlannedVehicle(ControlledVehicle):  # type: ignore[misc]
         new.action = {"steering": 0.0, "acceleration": 0.0}
         return new
 
-    def follow(self, plan: Trajectory, target_lane: Any, target_speed: float) -> None:
+    def follow(self, plan: Trajectory) -> None:
         """Drive this from the next tick on, from its first state on.
 
-        Args:
-            target_lane: index of the lane that it leads to, told to the others.
-            target_speed: the speed that it leads to [m/s], told to the others.
+        The lane that it leads to and the speed that it aims at are the vehicle's targets, as the
+        others may know them.
         """
         self.plan, self.time = plan, 0.0
-        self.target_lane_index, self.target_speed = target_lane, target_speed
+        x, y, heading = plan.states[-1, :3].tolist()
+        network = self.road.network
+        self.target_lane_index = network.get_closest_lane_index(np.array([x, -y]), -heading)
+        index = min(round(LOOK_AHEAD / plan.tau), len(plan.states) - 1)
+        self.target_speed = float(plan.states[index, 3])
+
+    @property
+    def deviation(self) -> float:
+        """Distance between where it is and where its plan has it now [m]; 0 without a plan."""
+        if self.plan is None:
+            return 0.0
+        state, _ = self.plan.at(self.plan.start + self.time, self.LENGTH)
+        return float(np.hypot(self.position[0] - state[0], -self.position[1] - state[1]))
 
     def act(self, action: Any = None) -> None:
         """Nothing: what is driven is the plan."""

@@ -11,27 +11,17 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from sandra.actions import ActionPair
 from sandra.decider import Decider, Operation
 from sandra.decision import Decision
 from sandra.errors import ScenarioError
-from sandra.planning import Trajectory
 from sandra.scene.highway import Observer
-from sandra.scene.types import Scene
 from sandra.simulation.highway import Environment
 from sandra.simulation.recording import Recorder, Recording
 
-Array = NDArray[np.float64]
-
 BREACH = 1e-6
 """A tick this far from its plan is outside of it [m]."""
-LOOK_AHEAD = 1.0
-"""The speed that a plan has after so long is told to the others as the ego's target [s]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -130,13 +120,13 @@ def drive(
         if plan is None:
             ended = f"step {index}: {decision.maneuver.note}: no trajectory to drive"
             break
-        ego.follow(plan, *_told(world.env, plan))
+        ego.follow(plan)
         breach = 0.0
         for _ in range(ticks):
             world.tick()
             recorder.note()
             if not ego.crashed:
-                breach = max(breach, _off(scene, plan, ego))
+                breach = max(breach, ego.deviation)
         covered = decider.covered
         done.append(Step(index, decision, decider.operation, breach, covered, cpu, wall))
         on_step(done[-1])
@@ -144,17 +134,3 @@ def drive(
             ended = f"step {index}: the ego has crashed"
             break
     return Episode(recorder.recording(), tuple(done), ticks, steps, ended)
-
-
-def _told(env: Any, plan: Trajectory) -> tuple[Any, float]:
-    """The lane that a plan leads to and the speed it aims at, as the others may know them."""
-    x, y, heading = plan.states[-1, :3].tolist()
-    lane = env.road.network.get_closest_lane_index(np.array([x, -y]), -heading)
-    index = min(round(LOOK_AHEAD / plan.tau), len(plan.states) - 1)
-    return lane, float(plan.states[index, 3])
-
-
-def _off(scene: Scene, plan: Trajectory, ego: Any) -> float:
-    """Distance between where the ego is and where its plan has it now [m]."""
-    state, _ = plan.at(plan.start + ego.time, scene.ego.wheelbase)
-    return float(np.hypot(ego.position[0] - state[0], -ego.position[1] - state[1]))

@@ -127,15 +127,8 @@ class Environment:
         return self.ticks * self.traffic.dt
 
     def replace_ego(self, vehicle: Any) -> None:
-        """Let another vehicle object be the ego, at the same place in `env.road.vehicles`.
-
-        The order of the vehicles is the order in which they act and collide: with the place kept,
-        traffic and random numbers stay those of the library.
-        """
-        vehicles, old = self.env.road.vehicles, self.ego
-        place = next(i for i, v in enumerate(vehicles) if v is old)
-        vehicles[place] = vehicle
-        self.env.controlled_vehicles[0] = vehicle
+        """Let another vehicle object be the ego; see the function of this name."""
+        replace_ego(self.env, vehicle)
 
     def act(self, action: str) -> None:
         """Give the ego a meta-action (`ACTIONS`, FAIL_SAFE); time does not pass."""
@@ -191,6 +184,18 @@ class Environment:
             if hasattr(vehicle, name):
                 setattr(ego, name, getattr(vehicle, name))
         return ego
+
+
+def replace_ego(env: Any, vehicle: Any) -> None:
+    """Let another vehicle object be an environment's ego, at its place in `env.road.vehicles`.
+
+    The order of the vehicles is the order in which they act and collide: with the place kept,
+    traffic and random numbers stay those of the library.
+    """
+    vehicles, old = env.road.vehicles, env.vehicle
+    place = next(i for i, v in enumerate(vehicles) if v is old)
+    vehicles[place] = vehicle
+    env.controlled_vehicles[0] = vehicle
 
 
 def highway(setting: int | Traffic, profile: str = "stock", render: bool = False) -> Environment:
