@@ -217,7 +217,7 @@ def proofs_of(data: dict[str, Any]) -> Proofs | None:
     collision, (mean, most) = data["collision"], data["decision_cpu"]
     return Proofs(
         at_fault=None if collision is None else bool(collision["at_fault"]),
-        standing=collision is not None and collision["speed"] <= STANDS,
+        standing=collision is not None and collision.get("speed", math.inf) <= STANDS,
         uncovered=len(data["uncovered"]),
         unexplained=len(data["unexplained"]),
         certified_start=data["first_certificate"] == 0,
