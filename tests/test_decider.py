@@ -136,3 +136,8 @@ def test_what_is_clear_is_carried_on() -> None:
     decider, decision, _ = after_a_surprise(150.0)
     assert decider.operation is Operation.CARRIED
     assert "may no longer" not in decision.maneuver.note
+
+
+def test_the_address_of_a_server_is_the_rankers() -> None:
+    decider = Decider("openai:model", base_url="http://127.0.0.1:9/v1")
+    assert "127.0.0.1:9" in repr(decider._ranker)

@@ -23,7 +23,7 @@ from sandra.decision import Decision, decide
 from sandra.errors import SettingsError
 from sandra.planning import Maneuver, Trajectory, emergency
 from sandra.planning.witness import start_state
-from sandra.rankers import Ranker, as_ranker
+from sandra.rankers import Ranker, as_ranker, create
 from sandra.scene.types import Scene
 
 
@@ -98,7 +98,10 @@ class Decider:
         taken = {"accept", "past", "decision_period"} & set(options)
         if taken:
             raise SettingsError(f"a Decider sets {', '.join(sorted(taken))} itself: leave it out")
-        self._ranker = as_ranker(ranker)
+        url = options.get("base_url")
+        self._ranker = (
+            create(ranker, base_url=url) if isinstance(ranker, str) else as_ranker(ranker)
+        )
         self._command = command
         self._period = period
         if emergency_braking is not None and not 0.0 < emergency_braking < math.inf:
