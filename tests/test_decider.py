@@ -11,6 +11,7 @@ from sandra.decider import Decider, Operation
 from sandra.errors import SettingsError
 from sandra.rankers import Ranking
 from sandra.scene import Obstacle, Scene, State
+from slow_server import Pace, slow_server
 from straight_road import Road
 
 
@@ -138,6 +139,11 @@ def test_what_is_clear_is_carried_on() -> None:
     assert "may no longer" not in decision.maneuver.note
 
 
-def test_the_address_of_a_server_is_the_rankers() -> None:
-    decider = Decider("openai:model", base_url="http://127.0.0.1:9/v1")
-    assert "127.0.0.1:9" in repr(decider._ranker)
+def test_the_server_that_is_named_is_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("OPENAI_API_KEY", "none")
+    with slow_server(Pace(reason=0.0, rank=0.0)) as server:
+        decider = Decider("openai:model", base_url=server.url, horizon=8)
+        decision = decider.decide(sandra.load(sandra.example("roadworks")))
+    assert len(server.requests) == 1
+    assert decision.ranking.failure is None
+    assert decision.ranking.pairs
