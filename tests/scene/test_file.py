@@ -121,7 +121,14 @@ def test_unknown_planning_problem(write: Write) -> None:
     assert "no planning problem 7; choose from 900" in message(write(), planning_problem=7)
 
 
-@pytest.mark.parametrize(("name", "head"), [("n.xml", b"\x00\x01"), ("n.xml", b"<"), ("n.pb", b"")])
+# A group within which a field's length leads into the noughts, which then are fields of their own.
+DEEP = b"\x0b\x12" + b"\xa0\x8d\x06" + bytes(99_998)
+
+
+@pytest.mark.parametrize(
+    ("name", "head"),
+    [("n.xml", b"\x00\x01"), ("n.xml", b"<"), ("n.pb", b""), ("n.pb", b"\x0a"), ("n.pb", DEEP)],
+)
 def test_200_mb_of_noise_are_refused_at_once(tmp_path: Path, name: str, head: bytes) -> None:
     path = tmp_path / name
     with path.open("wb") as file:

@@ -82,6 +82,7 @@ def _read_protobuf(path: Path) -> Content:
     from google.protobuf.message import DecodeError  # type: ignore[import-untyped]
 
     try:
+        _check_frame(path)
         with _quiet(), _malformed(path):
             described = CommonRoadFileReader(filename_scenario=path).open_scenario()
             parts = [path.parent / f"{i}.pb" for i in (described.map_id, described.dynamic_id)]
@@ -94,6 +95,7 @@ def _read_protobuf(path: Path) -> Content:
                     raise ScenarioError(
                         f"{path}: its part {part.name} is missing; put it into the same folder"
                     )
+                _check_frame(part)
             reader = CommonRoadFileReader(
                 filename_scenario=path, filename_map=parts[0], filename_dynamic=parts[1]
             )
@@ -106,6 +108,35 @@ def _read_protobuf(path: Path) -> Content:
     weather = getattr(getattr(environment, "weather", None), "value", None)
     time_of_day = getattr(getattr(environment, "time_of_day", None), "value", None)
     return _content(path, scenario, problems, Facts(weather=weather, time_of_day=time_of_day))
+
+
+def _check_frame(path: Path) -> None:
+    """Raises `DecodeError` unless the file is a row of fields that fills it.
+
+    CommonRoad's messages hold numbers and what has a length. The decoder itself may go through
+    hundreds of megabytes of something else, byte by byte.
+    """
+    from google.protobuf.message import DecodeError
+
+    data = path.read_bytes()
+    place = 0
+    while place < len(data):
+        tag, place = _varint(data, place)
+        value, place = _varint(data, place)
+        if tag & 7 == 2:
+            place += value
+        if tag & 7 not in (0, 2) or tag >> 3 == 0 or place > len(data):
+            raise DecodeError("not a row of fields")
+
+
+def _varint(data: bytes, place: int) -> tuple[int, int]:
+    """A number of at most ten bytes, and the place after it, beyond the end where there is none."""
+    value = 0
+    for i, byte in enumerate(data[place : place + 10]):
+        value |= (byte & 127) << (7 * i)
+        if byte < 128:
+            return value, place + i + 1
+    return 0, len(data) + 1
 
 
 def _content(path: Path, scenario: Any, problems: Any, facts: Facts) -> Content:
