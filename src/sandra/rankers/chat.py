@@ -15,7 +15,7 @@ from sandra.describe.types import Prompt
 from sandra.errors import RankerError
 from sandra.rankers.answer import parse_answer, parse_reasoning
 from sandra.rankers.bounded import Deadline, Running
-from sandra.rankers.endpoint import Endpoint, Problem, Question
+from sandra.rankers.endpoint import Asks, Endpoint, Problem, Question
 from sandra.rankers.stream import Reply
 from sandra.rankers.types import Failure, Ranking
 
@@ -31,6 +31,8 @@ class ChatRanker:
         base_url: of the server, up to `/v1`; default: OPENAI_BASE_URL, else OpenAI's.
         deadline: for one ranking, over all attempts [s].
         temperature, seed: sampling parameters; not sent unless given, some models refuse them.
+        endpoint: who is asked instead of `/chat/completions` of a server.
+        name: default `openai:MODEL`.
 
     Raises:
         RankerError: no model, no key for OpenAI's own server, or a bad address or deadline.
@@ -44,16 +46,18 @@ class ChatRanker:
         deadline: float = DEADLINE,
         temperature: float | None = None,
         seed: int | None = None,
+        endpoint: Asks | None = None,
+        name: str | None = None,
     ) -> None:
         if not model.strip():
             raise RankerError("openai: no model named; write for example openai:gpt-4o")
         if not 0.0 < deadline < float("inf"):
             raise RankerError(f"openai: deadline = {deadline} must be a finite number > 0 [s]")
-        self.name = f"openai:{model}"
+        self.name = name or f"openai:{model}"
         self.deadline = deadline
         options = {"temperature": temperature, "seed": seed}
         given = {name: value for name, value in options.items() if value is not None}
-        self._endpoint = Endpoint(model, base_url, given)
+        self._endpoint: Asks = endpoint or Endpoint(model, base_url, given)
 
     def rank(self, prompt: Prompt, deadline: float | None = None) -> Ranking:
         """Ask the model; see `Ranker`. Returns within the deadline (default: `self.deadline`).
@@ -79,7 +83,7 @@ class Reasoning:
     (a prefix cache) has only the ranking left to write; its schema admits only pairs that hold.
     """
 
-    def __init__(self, endpoint: Endpoint, name: str, prompt: Prompt, seconds: float) -> None:
+    def __init__(self, endpoint: Asks, name: str, prompt: Prompt, seconds: float) -> None:
         self._endpoint, self._name, self._prompt = endpoint, name, prompt
         schema = only(prompt.schema, "reasoning")
         question = Question(prompt.system, (("user", prompt.user),), schema)
@@ -129,7 +133,7 @@ class Asked:
 
     def __init__(
         self,
-        endpoint: Endpoint,
+        endpoint: Asks,
         name: str,
         question: Question,
         seconds: float,

@@ -5,8 +5,9 @@ from __future__ import annotations
 import json
 import os
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 from urllib.parse import urlsplit
 
 from sandra.errors import RankerError
@@ -52,6 +53,14 @@ class Problem:
     pause: float | None = None
 
 
+class Asks(Protocol):
+    """Whatever can be asked a question: a server, or a model in this process."""
+
+    def ask(self, question: Question, deadline: Deadline, replies: list[Reply]) -> Problem | Reply:
+        """Ask; the last reply is also put into `replies` as it grows."""
+        ...
+
+
 class Endpoint:
     """`/chat/completions` of one server for one model. Usable from several threads.
 
@@ -59,17 +68,24 @@ class Endpoint:
         model: name of the model.
         base_url: of the server, up to `/v1`; default: OPENAI_BASE_URL, else OpenAI's.
         options: further fields of each request.
+        server: whose variables of the environment count: `{server}_BASE_URL`, `{server}_API_KEY`.
 
     Raises:
         RankerError: no key for OpenAI's own server, or a bad address.
     """
 
-    def __init__(self, model: str, base_url: str | None, options: dict[str, Any]) -> None:
+    def __init__(
+        self, model: str, base_url: str | None, options: dict[str, Any], server: str = "OPENAI"
+    ) -> None:
         self._model = model
         self._options = options
-        self._client = client_for(base_url)
+        self._client = client_for(base_url, server)
         # Imports half of the library: here, so that no ranking pays for it.
-        self._completions = self._client.chat.completions.with_streaming_response
+        self._completions = self._service()
+        self._take: Callable[[bytes, Reply], None] | None = None
+
+    def _service(self) -> Any:
+        return self._client.chat.completions.with_streaming_response
 
     def ask(self, question: Question, deadline: Deadline, replies: list[Reply]) -> Problem | Reply:
         """Ask up to `ATTEMPTS` times; the last reply is also put into `replies` as it grows."""
@@ -103,7 +119,7 @@ class Endpoint:
             with self._completions.create(**body, stream=True, timeout=left) as response:
                 replies.append(reply)
                 content_type = response.headers.get("content-type", "")
-                read(response.iter_bytes(), content_type, reply, deadline)
+                read(response.iter_bytes(), content_type, reply, deadline, self._take)
         except (openai.APITimeoutError, httpx2.TimeoutException):
             return self._broken(reply, Problem(Failure.TIMEOUT, _LATE))
         except openai.APIError as error:
@@ -137,21 +153,21 @@ class Endpoint:
         }
 
 
-def client_for(base_url: str | None) -> openai.OpenAI:
-    """A client of a server; None: that of OPENAI_BASE_URL, else OpenAI's.
+def client_for(base_url: str | None, server: str = "OPENAI") -> openai.OpenAI:
+    """A client of a server; None: that of OPENAI_BASE_URL, else OpenAI's. Likewise other servers'.
 
     Raises:
         RankerError: no key for OpenAI's own server, or a bad address.
     """
     import openai
 
-    base_url = base_url or os.environ.get("OPENAI_BASE_URL") or None
+    base_url = base_url or os.environ.get(f"{server}_BASE_URL") or None
     address = urlsplit(base_url or f"https://{_OPENAI_HOST}/v1")
     if address.scheme not in ("http", "https") or not address.hostname:
         raise RankerError(
             f"openai: base_url '{base_url}' is no address; write for example http://localhost:8000/v1"
         )
-    key = os.environ.get("OPENAI_API_KEY")
+    key = os.environ.get(f"{server}_API_KEY")
     if not key and address.hostname == _OPENAI_HOST:
         raise RankerError(
             "openai: no API key; set OPENAI_API_KEY, or give the base_url of a local server"
@@ -178,7 +194,7 @@ def _rejects_schema(problem: Problem) -> bool:
     """Whether the server does not know structured outputs."""
     words = problem.detail.lower()
     return problem.status in (400, 422) and any(
-        word in words for word in ("response_format", "json_schema", "schema")
+        word in words for word in ("response_format", "text.format", "json_schema", "schema")
     )
 
 
