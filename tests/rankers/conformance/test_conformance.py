@@ -69,8 +69,8 @@ BACKENDS = {
     "hf": Backend("hf:{tiny}/model#device=cpu", thinks=True),
     "hf-adapter": Backend("hf:{tiny}/model+{tiny}/adapter#device=cpu", thinks=True),
     "hf-score": Backend("hf:{tiny}/model#mode=score&device=cpu", thinks=True),
-    "hf-score-neutral": Backend(
-        "hf:{tiny}/model#mode=score&calibrate=neutral&device=cpu", thinks=True
+    "hf-score-adapter": Backend(
+        "hf:{tiny}/model+{tiny}/adapter#mode=score&device=cpu", thinks=True
     ),
     "rules": Backend("rules"),
     "exhaustive": Backend("exhaustive", most=12),

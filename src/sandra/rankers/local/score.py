@@ -11,7 +11,8 @@ better than others whatever they are told. Hence two corrections (`calibrate`):
   of the feasible pairs: those with which constrained decoding would write them.
 * `neutral`: from the logarithms of these are taken those under a prompt that lists the same
   actions in the same order and tells nothing of the situation (Zhao et al., "Calibrate Before
-  Use", ICML 2021; Holtzman et al., "Surface Form Competition", EMNLP 2021).
+  Use", ICML 2021; Holtzman et al., "Surface Form Competition", EMNLP 2021). Not for a model that
+  was trained for this task: what it prefers in general it has learned.
 """
 
 from __future__ import annotations
@@ -52,9 +53,7 @@ class ScoreRanker:
         calibrate: one of `CALIBRATIONS`.
     """
 
-    def __init__(
-        self, name: str, folder: Folder, deadline: float, calibrate: str = "length"
-    ) -> None:
+    def __init__(self, name: str, folder: Folder, deadline: float, calibrate: str) -> None:
         self.name, self.deadline, self.calibrate = name, deadline, calibrate
         self._folder = folder
         self._of_neutral: dict[tuple[ActionPair, ...], NDArray[np.float64]] = {}

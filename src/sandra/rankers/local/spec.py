@@ -52,10 +52,13 @@ def local_ranker(
     if kind == "gguf":
         endpoint = llama(path, **options).asking(given)
         return ChatRanker(path, deadline=deadline, endpoint=endpoint, name=name)
-    mode, calibrate = options.pop("mode", "generate"), options.pop("calibrate", CALIBRATIONS[0])
-    model = folder(*_folders(path), **options)
+    mode, calibrate = options.pop("mode", "generate"), options.pop("calibrate", None)
+    where, adapter = _folders(path)
+    model = folder(where, adapter, **options)
     if mode == "score":
-        return ScoreRanker(name, model, deadline, calibrate)
+        # An adapter was trained for this task: it is taken at its word.
+        usual = "neutral" if adapter is None else "length"
+        return ScoreRanker(name, model, deadline, calibrate or usual)
     return ChatRanker(path, deadline=deadline, endpoint=Generating(model, **given), name=name)
 
 
