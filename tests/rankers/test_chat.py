@@ -282,7 +282,8 @@ def test_what_is_sent(server: Server) -> None:
     assert [m["content"] for m in sent["messages"]] == [PROMPT.system, PROMPT.user]
     schema = sent["response_format"]["json_schema"]
     assert (schema["strict"], schema["schema"]) == (True, PROMPT.schema)
-    assert set(sent) == {"model", "messages", "response_format", "stream"}
+    assert sent["stream_options"] == {"include_usage": True}
+    assert set(sent) == {"model", "messages", "response_format", "stream", "stream_options"}
     create("openai:m", base_url=server.url, temperature=0.0, seed=4).rank(PROMPT)
     assert (server.requests[-1]["temperature"], server.requests[-1]["seed"]) == (0.0, 4)
 

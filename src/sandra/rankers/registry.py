@@ -6,6 +6,7 @@ import importlib
 import math
 import re
 from collections.abc import Callable
+from pathlib import Path
 
 from sandra.actions import ActionPair
 from sandra.describe.types import Prompt
@@ -49,6 +50,8 @@ def create(
     deadline: float = DEADLINE,
     temperature: float | None = None,
     seed: int | None = None,
+    cache: str | Path | None = None,
+    max_concurrent: int | None = None,
 ) -> Ranker:
     """Make a ranker.
 
@@ -59,6 +62,8 @@ def create(
         deadline: wall-clock time for one ranking [s], for `openai:` and for plug-ins.
         temperature: for `openai:`; not sent if None.
         seed: for `openai:` (not sent if None), and for `random` without a seed of its own.
+        cache: folder in which the answers of servers are kept; None keeps none.
+        max_concurrent: requests to a server at once, over all processes of this user.
 
     Raises:
         RankerError: unknown spec, missing key, unreadable recording, or a plug-in that cannot be
@@ -67,7 +72,13 @@ def create(
     kind, colon, rest = spec.strip().partition(":")
     if kind == "openai":
         return ChatRanker(
-            rest, base_url=base_url, deadline=deadline, temperature=temperature, seed=seed
+            rest,
+            base_url=base_url,
+            deadline=deadline,
+            temperature=temperature,
+            seed=seed,
+            cache=cache,
+            max_concurrent=max_concurrent,
         )
     if kind == "random":
         return RandomRanker(_seed(rest) if colon else seed or 0)
