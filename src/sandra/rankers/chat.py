@@ -8,7 +8,6 @@ connecting, retries, waiting, and reading.
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 from sandra.describe import only
 from sandra.describe.outside import one_line
@@ -17,7 +16,7 @@ from sandra.errors import RankerError
 from sandra.rankers.answer import parse_answer, parse_reasoning
 from sandra.rankers.bounded import Deadline, Running
 from sandra.rankers.client import Problem
-from sandra.rankers.endpoint import Endpoint, Exchange, Question
+from sandra.rankers.endpoint import Asks, Endpoint, Exchange, Question
 from sandra.rankers.stream import Reply
 from sandra.rankers.types import Failure, Ranking
 from sandra.rankers.usage import total
@@ -34,10 +33,11 @@ class ChatRanker:
         base_url: of the server, up to `/v1`; default: OPENAI_BASE_URL, else OpenAI's.
         deadline: for one ranking, over all attempts [s].
         temperature, seed: sampling parameters; not sent unless given, some models refuse them.
-        cache, max_concurrent: see `Endpoint`.
+        endpoint: who is asked instead of `/chat/completions` of a server.
+        name: default `openai:MODEL`.
 
     Raises:
-        RankerError: no model, no key for OpenAI's own server, or a bad address, deadline or cache.
+        RankerError: no model, no key for OpenAI's own server, or a bad address or deadline.
     """
 
     def __init__(
@@ -48,20 +48,18 @@ class ChatRanker:
         deadline: float = DEADLINE,
         temperature: float | None = None,
         seed: int | None = None,
-        cache: str | Path | None = None,
-        max_concurrent: int | None = None,
+        endpoint: Asks | None = None,
+        name: str | None = None,
     ) -> None:
         if not model.strip():
             raise RankerError("openai: no model named; write for example openai:gpt-4o")
         if not 0.0 < deadline < float("inf"):
             raise RankerError(f"openai: deadline = {deadline} must be a finite number > 0 [s]")
-        self.name = f"openai:{model}"
+        self.name = name or f"openai:{model}"
         self.deadline = deadline
         options = {"temperature": temperature, "seed": seed}
         given = {name: value for name, value in options.items() if value is not None}
-        self._endpoint = Endpoint(
-            model, base_url, given, cache=cache, max_concurrent=max_concurrent
-        )
+        self._endpoint: Asks = endpoint or Endpoint(model, base_url, given)
 
     def rank(self, prompt: Prompt, deadline: float | None = None) -> Ranking:
         """Ask the model; see `Ranker`. Returns within the deadline (default: `self.deadline`).
@@ -87,7 +85,7 @@ class Reasoning:
     (a prefix cache) has only the ranking left to write; its schema admits only pairs that hold.
     """
 
-    def __init__(self, endpoint: Endpoint, name: str, prompt: Prompt, seconds: float) -> None:
+    def __init__(self, endpoint: Asks, name: str, prompt: Prompt, seconds: float) -> None:
         self._endpoint, self._name, self._prompt = endpoint, name, prompt
         schema = only(prompt.schema, "reasoning")
         question = Question(prompt.system, (("user", prompt.user),), schema)
@@ -144,7 +142,7 @@ class Asked:
 
     def __init__(
         self,
-        endpoint: Endpoint,
+        endpoint: Asks,
         name: str,
         question: Question,
         seconds: float,

@@ -43,14 +43,14 @@ class Problem:
     pause: float | None = None
 
 
-def address_of(base_url: str | None) -> str:
-    """The address of a server; None: that of OPENAI_BASE_URL, else OpenAI's.
+def address_of(base_url: str | None, server: str = "OPENAI") -> str:
+    """The address of a server; None: that of `{server}_BASE_URL`, else OpenAI's.
 
     Raises:
         RankerError: no address, or one with a name, a password, or a query in it: addresses are
             written into run folders, secrets are not. The error does not repeat them.
     """
-    text = base_url or os.environ.get("OPENAI_BASE_URL") or f"https://{_OPENAI_HOST}/v1"
+    text = base_url or os.environ.get(f"{server}_BASE_URL") or f"https://{_OPENAI_HOST}/v1"
     example = "write for example http://localhost:8000/v1"
     try:
         parts = urlsplit(text.strip())
@@ -60,29 +60,29 @@ def address_of(base_url: str | None) -> str:
     if "@" in text or parts.query or parts.fragment:
         raise RankerError(
             f"openai: the base_url of '{host or 'a server'}' holds a name, a password, a query or "
-            f"a fragment; write the address alone, and put the key into OPENAI_API_KEY"
+            f"a fragment; write the address alone, and put the key into {server}_API_KEY"
         )
     if parts.scheme not in ("http", "https") or not host:
         raise RankerError(f"openai: base_url '{text}' is no address; {example}")
     return urlunsplit(parts)
 
 
-def client_for(base_url: str | None) -> openai.OpenAI:
-    """A client of a server; None: that of OPENAI_BASE_URL, else OpenAI's.
+def client_for(base_url: str | None, server: str = "OPENAI") -> openai.OpenAI:
+    """A client of a server; see `address_of`. It is shown the key in `{server}_API_KEY`.
 
     Raises:
         RankerError: no key for OpenAI's own server, a key that is none, or a bad address.
     """
     import openai
 
-    address = address_of(base_url)
-    key = os.environ.get("OPENAI_API_KEY", "").strip()
+    address = address_of(base_url, server)
+    key = os.environ.get(f"{server}_API_KEY", "").strip()
     if not key and urlsplit(address).hostname == _OPENAI_HOST:
         raise RankerError(
             "openai: no API key; set OPENAI_API_KEY, or give the base_url of a local server"
         )
     if not (key.isascii() and key.isprintable()) or " " in key:
-        raise RankerError("openai: OPENAI_API_KEY holds characters that no key has; set it anew")
+        raise RankerError(f"{server}_API_KEY holds characters that no key has; set it anew")
     veil_logs(key)
     http = openai.DefaultHttpxClient(
         follow_redirects=False, event_hooks={"response": [_bounded]}, timeout=None

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from sandra.rankers.bounded import Deadline
 from sandra.rankers.cache import Cache, Kept
@@ -76,6 +76,14 @@ class Exchange:
         return found
 
 
+class Asks(Protocol):
+    """Whatever can be asked a question: a server, or a model in this process."""
+
+    def ask(self, question: Question, deadline: Deadline, exchange: Exchange) -> Problem | Reply:
+        """Ask; each reply is also put into `exchange.requests`, and grows there."""
+        ...
+
+
 class Endpoint:
     """`/chat/completions` of one server for one model. Usable from several threads.
 
@@ -83,6 +91,7 @@ class Endpoint:
         model: name of the model.
         base_url: of the server, up to `/v1`; default: OPENAI_BASE_URL, else OpenAI's.
         options: further fields of each request.
+        server: whose variables of the environment count: `{server}_BASE_URL`, `{server}_API_KEY`.
         cache: folder of answers that are kept; None keeps none.
         max_concurrent: requests to this server at once, over all processes; see `Gate`.
 
@@ -90,18 +99,21 @@ class Endpoint:
         RankerError: no key for OpenAI's own server, a bad address, or a bad folder.
     """
 
+    path = "chat/completions"
+
     def __init__(
         self,
         model: str,
         base_url: str | None,
         options: dict[str, Any],
+        server: str = "OPENAI",
         *,
         cache: str | Path | None = None,
         max_concurrent: int | None = None,
     ) -> None:
         self._model = model
         self._options = options
-        self._client = client_for(base_url)
+        self._client = client_for(base_url, server)
         self._hide = Secret(self._client.api_key)
         self._address = str(self._client.base_url)
         self._gate = Gate(self._address, max_concurrent)
@@ -109,7 +121,11 @@ class Endpoint:
         self._unknown: frozenset[str] = frozenset()
         """Fields that this server has refused."""
         # Imports half of the library: here, so that no ranking pays for it.
-        self._completions = self._client.chat.completions.with_streaming_response
+        self._completions = self._service()
+        self._take: Callable[[bytes, Reply], None] | None = None
+
+    def _service(self) -> Any:
+        return self._client.chat.completions.with_streaming_response
 
     def ask(self, question: Question, deadline: Deadline, exchange: Exchange) -> Problem | Reply:
         """Ask up to `ATTEMPTS` times; everything is put into `exchange` as it comes."""
@@ -175,7 +191,7 @@ class Endpoint:
             with self._completions.create(**body, stream=True, timeout=left) as response:
                 reply.begun = True
                 content_type = response.headers.get("content-type", "")
-                read(response.iter_bytes(), content_type, reply, deadline)
+                read(response.iter_bytes(), content_type, reply, deadline, self._take)
         except (openai.APITimeoutError, httpx2.TimeoutException):
             return self._broken(reply, Problem(Failure.TIMEOUT, _LATE))
         except openai.APIError as error:
@@ -218,22 +234,22 @@ class Endpoint:
         if problem.status not in (400, 422):
             return None
         words = problem.detail.lower()
-        if "stream_options" not in self._unknown and any(
-            word in words for word in ("stream_options", "include_usage")
-        ):
-            return "stream_options"
-        if (
-            question.schema is not None
-            and "response_format" not in self._unknown
-            and any(word in words for word in ("response_format", "json_schema", "schema"))
-        ):
-            return "response_format"
+        fields = {
+            "stream_options": ("stream_options", "include_usage"),
+            "response_format": ("response_format", "text.format", "json_schema", "schema"),
+        }
+        for name, signs in fields.items():
+            sent = name not in self._unknown
+            if name == "response_format":
+                sent = sent and question.schema is not None
+            if sent and any(sign in words for sign in signs):
+                return name
         return None
 
     def _identity(self, question: Question) -> dict[str, Any]:
         """All that an answer depends on; what it is kept under."""
         return {
-            "endpoint": f"{self._address.rstrip('/')}/chat/completions",
+            "endpoint": f"{self._address.rstrip('/')}/{self.path}",
             "model": self._model,
             "parameters": self._options,
             "system": question.system,

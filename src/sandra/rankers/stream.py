@@ -7,7 +7,7 @@ A server that answers with one plain JSON body instead is understood as well.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -62,7 +62,13 @@ class Reply:
         return not cut and self.finish in (None, "stop")
 
 
-def read(blocks: Iterable[bytes], content_type: str, reply: Reply, deadline: Deadline) -> None:
+def read(
+    blocks: Iterable[bytes],
+    content_type: str,
+    reply: Reply,
+    deadline: Deadline,
+    take: Callable[[bytes, Reply], None] | None = None,
+) -> None:
     """Fill `reply` from a response body until it ends, or a limit or the deadline is met.
 
     Args:
@@ -70,15 +76,17 @@ def read(blocks: Iterable[bytes], content_type: str, reply: Reply, deadline: Dea
         content_type: of the response.
         reply: filled as the body arrives.
         deadline: looked at whenever something arrives.
+        take: takes one event's data, or the whole body; default: of a chat completion.
     """
+    take = take or _take
     limited = _limited(blocks, reply, deadline)
     if "text/event-stream" in content_type:
         for data in _events(limited, reply):
             if data == b"[DONE]" or reply.ended_early or reply.failure is not None:
                 return
-            _take(data, reply)
+            take(data, reply)
         return
-    _take(b"".join(_pieces_of_one(limited, reply)), reply)
+    take(b"".join(_pieces_of_one(limited, reply)), reply)
 
 
 def _limited(blocks: Iterable[bytes], reply: Reply, deadline: Deadline) -> Iterator[bytes]:
