@@ -65,7 +65,8 @@ def add(commands: Any) -> None:
         default="rank",
         metavar="NAME",
         help="rank (a ranking, then verdicts, as in the paper), verify-first (all pairs are "
-        "verified while the ranker reads and reasons; it ranks those that hold) or exhaustive "
+        "verified while the ranker reads and reasons; it ranks those that hold), repair (as rank; "
+        "where nothing ranked holds it is asked once more, with the reasons) or exhaustive "
         "(nobody is asked)",
     )
     parser.add_argument(
