@@ -145,7 +145,7 @@ def cost(usage: Usage | None, ranker: str, prices: Mapping[str, Price]) -> dict[
     """`{"usage": ..., "money": ..., "currency": ...}` for JSON; money is None without a price."""
     if usage is None:
         return None
-    price = prices.get(ranker)
+    price = prices.get(_model(ranker))
     money = None if price is None else round(price.of(usage), 9)
     currency = None if price is None else price.currency
     return {"usage": usage.to_dict(), "money": money, "currency": currency}
@@ -155,8 +155,13 @@ def told(usage: Usage | None, ranker: str, prices: Mapping[str, Price]) -> str |
     """One line for a person; None where no server was asked."""
     if usage is None:
         return None
-    price = prices.get(ranker)
+    price = prices.get(_model(ranker))
     if price is None:
-        return f"{usage}; no price of {ranker} is known"
+        return f"{usage}; no price of {_model(ranker)} is known"
     at_least = "at least " if usage.unknown else ""
     return f"{usage}; {at_least}{price.of(usage):.4f} {price.currency}"
+
+
+def _model(ranker: str) -> str:
+    """A ranker's name without its options: `openai:MODEL#seed=1` costs what `openai:MODEL` does."""
+    return ranker.partition("#")[0]
