@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING, Any
 from sandra.cli.options import (
     add_prompting,
     add_scenario,
+    add_server,
     add_verification,
     command,
     past_of,
+    prices_of,
     scene_of,
     settings_of,
     vocabulary_of,
@@ -40,10 +42,7 @@ def add(commands: Any) -> None:
         "exhaustive, or MODULE:ATTRIBUTE of your own; to see what a bad one does: adversarial, "
         "always:PAIR, garbage, late:SECONDS",
     )
-    parser.add_argument("--base-url", metavar="URL", help="of an OpenAI-compatible server")
-    parser.add_argument(
-        "--deadline", type=float, default=30.0, metavar="SECONDS", help="for the whole ranking"
-    )
+    add_server(parser)
     add_verification(parser)
     parser.add_argument(
         "--accept",
@@ -65,7 +64,8 @@ def add(commands: Any) -> None:
         default="rank",
         metavar="NAME",
         help="rank (a ranking, then verdicts, as in the paper), verify-first (all pairs are "
-        "verified while the ranker reads and reasons; it ranks those that hold) or exhaustive "
+        "verified while the ranker reads and reasons; it ranks those that hold), repair (as rank; "
+        "where nothing ranked holds it is asked once more, with the reasons) or exhaustive "
         "(nobody is asked)",
     )
     parser.add_argument(
@@ -83,12 +83,21 @@ def _decide(arguments: argparse.Namespace) -> int:
     from sandra.describe import render
     from sandra.logic import parse_rules
     from sandra.planning import Weights
+    from sandra.rankers import create
+    from sandra.rankers.usage import cost, told
 
-    settings = settings_of(arguments)
+    settings, prices = settings_of(arguments), prices_of(arguments)
+    ranker = create(
+        "exhaustive" if arguments.mode == "exhaustive" else arguments.ranker,
+        base_url=arguments.base_url,
+        deadline=arguments.deadline,
+        cache=arguments.cache,
+        max_concurrent=arguments.max_concurrent,
+    )
     weights = replace(Weights.for_command(arguments.wish), desired_speed=arguments.desired_speed)
     decision = decide(
         scene_of(arguments, settings),
-        arguments.ranker,
+        ranker,
         arguments.wish,
         prediction=arguments.prediction,
         rules=parse_rules(arguments.rules),
@@ -97,7 +106,6 @@ def _decide(arguments: argparse.Namespace) -> int:
         accept=arguments.accept,
         past=past_of(arguments.past),
         deadline=arguments.deadline,
-        base_url=arguments.base_url,
         settings=settings,
         vocabulary=vocabulary_of(arguments),
         mode=arguments.mode,
@@ -108,14 +116,20 @@ def _decide(arguments: argparse.Namespace) -> int:
     )
     figure = figure_of(decision, arguments.figure)
     written = _certificate(decision, arguments.certificate)
+    ranking = decision.ranking
     if arguments.json:
-        print_json({**decision.to_dict(), "figure": figure, "certificate": written})
+        money = cost(ranking.usage, ranking.ranker, prices)
+        extra = {"cost": money, "figure": figure, "certificate": written}
+        print_json({**decision.to_dict(), **extra})
         return 0
     print(render(decision.prompt))
     print()
-    if decision.ranking.reasoning:
-        print(f"<{decision.ranking.ranker}>: {decision.ranking.reasoning}\n")
+    if ranking.reasoning:
+        print(f"<{ranking.ranker}>: {ranking.reasoning}\n")
     print(decision)
+    bill = told(ranking.usage, ranking.ranker, prices)
+    if bill:
+        print(f"  cost: {bill}")
     if figure:
         print(f"  picture: {figure}")
     if written:

@@ -1,6 +1,6 @@
 """Scene -> Prompt: what the ranker is told, and in which form it has to answer."""
 
-from sandra.describe.describer import describe, feasible_actions, narrow, render
+from sandra.describe.describer import answered, describe, feasible_actions, narrow, render
 from sandra.describe.schema import only
 from sandra.describe.types import ObstacleFacts, Prompt, Situation
 
@@ -11,6 +11,7 @@ __all__ = [
     "ObstacleFacts",
     "Prompt",
     "Situation",
+    "answered",
     "describe",
     "feasible_actions",
     "narrow",

@@ -79,7 +79,8 @@ class Prompt:
     lateral: tuple[Lateral, ...]
     situation: Situation
     narrowing: str = ""
-    """The end of `user` that says which pairs hold, where only those may be ranked (`narrow`)."""
+    """The end of `user`, where only some pairs may be ranked: which, and why (`narrow`,
+    `answered`)."""
 
     @property
     def feasible(self) -> tuple[ActionPair, ...]:

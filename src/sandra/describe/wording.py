@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from sandra.actions import ActionPair, Lateral, Longitudinal
 from sandra.describe.facts import AHEAD, BEHIND
@@ -17,6 +17,8 @@ MOST_SIGNS = 5
 """At most this many signs are told, nearest first."""
 SIGN_RANGE = 150.0
 """Signs and lights are told up to this distance [m]."""
+REASON_LENGTH = 300
+"""So much of a reason why a pair does not hold is told [characters]."""
 _OFF_CENTRE = 0.3
 """The ego's place in its lane is told from this offset on [m]."""
 _LONG = 60.0
@@ -109,6 +111,22 @@ def narrowed_text(pairs: Sequence[ActionPair], k: int) -> str:
     """Which pairs hold, and how many of them are to be ranked (not in the paper)."""
     names = "; ".join(str(pair) for pair in pairs)
     return say("narrowed", "holds", pairs=names) + " " + say("narrowed", "rank", k=k)
+
+
+def answered_text(
+    failed: Mapping[ActionPair, str], unusable: str, left: Sequence[ActionPair], k: int
+) -> str:
+    """What was wrong with an answer, and which pairs are left (not in the paper)."""
+    if failed:
+        lines = [say("answered", "failed")]
+        lines += [
+            say("answered", "line", pair=pair, reason=one_line(why, REASON_LENGTH))
+            for pair, why in failed.items()
+        ]
+    else:
+        lines = [say("answered", "unusable", reason=one_line(unusable, REASON_LENGTH))]
+    names = "; ".join(str(pair) for pair in left)
+    return "\n".join([*lines, say("answered", "rank", k=k, pairs=names)])
 
 
 def _road(scene: Scene, facts: Situation) -> str:

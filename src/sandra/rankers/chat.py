@@ -15,9 +15,11 @@ from sandra.describe.types import Prompt
 from sandra.errors import RankerError
 from sandra.rankers.answer import parse_answer, parse_reasoning
 from sandra.rankers.bounded import Deadline, Running
-from sandra.rankers.endpoint import Asks, Endpoint, Problem, Question
+from sandra.rankers.client import Problem
+from sandra.rankers.endpoint import Asks, Endpoint, Exchange, Question
 from sandra.rankers.stream import Reply
 from sandra.rankers.types import Failure, Ranking
+from sandra.rankers.usage import total
 
 DEADLINE = 30.0
 """Wall-clock time for one ranking if no other is given [s]."""
@@ -107,6 +109,7 @@ class Reasoning:
         text = whole.answer
         if text is None or whole.failure in (Failure.TIMEOUT, Failure.REFUSED, Failure.EMPTY):
             return whole
+        self._first.exchange.keep()
         if whole.failure is None and not whole.warnings:
             return whole  # A server without structured outputs: it has ranked pairs that hold.
         turns = (("user", self._prompt.user), ("assistant", text), ("user", prompt.narrowing))
@@ -115,7 +118,13 @@ class Reasoning:
         self._second = Asked(self._endpoint, self._name, question, left, self._first.seconds)
         ranking = self._second.ranking(prompt)
         answer = "\n".join(part for part in (text, ranking.answer) if part)
-        return replace(ranking, reasoning=parse_reasoning(text), answer=answer)
+        return replace(
+            ranking,
+            reasoning=parse_reasoning(text),
+            answer=answer,
+            usage=total((whole.usage, ranking.usage)),
+            recorded_s=_both(whole.recorded_s, ranking.recorded_s),
+        )
 
     def stop(self) -> None:
         """See `Ahead`. The connection is closed when the next piece arrives."""
@@ -143,13 +152,19 @@ class Asked:
         self.deadline = Deadline(seconds)
         self._name = name
         self._told = seconds if told is None else told
-        self._replies: list[Reply] = []
+        self.exchange = Exchange()
         self.running: Running[Problem | Reply] = Running(
-            lambda: endpoint.ask(question, self.deadline, self._replies), name
+            lambda: endpoint.ask(question, self.deadline, self.exchange), name
         )
 
     def ranking(self, prompt: Prompt) -> Ranking:
-        """The ranking in the answer, waited for until the deadline."""
+        """The ranking in the answer, waited for until the deadline; kept if it is whole."""
+        ranking = self._ranking(prompt)
+        if ranking.failure is None:
+            self.exchange.keep()
+        return replace(ranking, usage=self.exchange.usage, recorded_s=self.exchange.recorded)
+
+    def _ranking(self, prompt: Prompt) -> Ranking:
         outcome = self.running.wait(self.deadline.left)
         if outcome.error is not None:
             return Ranking((), self._name, Failure.INTERNAL, one_line(outcome.error, 300))
@@ -158,14 +173,15 @@ class Asked:
             return Ranking((), self._name, problem.failure, one_line(problem.detail, 300))
         # Not "is the deadline over": an answer in time may be looked at later.
         late = outcome.late or self.running.duration > self.seconds
-        if not self._replies:
+        reply = self.exchange.reply
+        if reply is None:
             return self._late(Ranking((), self._name))
-        ranking = self._read(self._replies[-1], prompt, late)
+        ranking = self._read(reply, prompt, late)
         return self._late(ranking) if late and _is_cut(ranking) else ranking
 
     def _read(self, reply: Reply, prompt: Prompt, late: bool) -> Ranking:
         if reply.refusal or reply.finish == "content_filter":
-            words = "".join(reply.refusal) or "stopped by the content filter"
+            words = reply.refusal_text or "stopped by the content filter"
             detail = one_line(words, 300)
             return Ranking((), self._name, Failure.REFUSED, detail, answer=reply.text or None)
         early = reply.ended_early or reply.finish == "length" or late
@@ -180,6 +196,11 @@ class Asked:
         if ranking.pairs:
             detail += f"; {len(ranking.pairs)} pairs had arrived"
         return replace(ranking, failure=Failure.TIMEOUT, detail=detail)
+
+
+def _both(first: float | None, second: float | None) -> float | None:
+    """The recorded duration of two answers; None unless both are recorded [s]."""
+    return None if first is None or second is None else first + second
 
 
 def _is_cut(ranking: Ranking) -> bool:

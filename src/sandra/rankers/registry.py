@@ -6,6 +6,7 @@ import importlib
 import math
 import re
 from collections.abc import Callable
+from pathlib import Path
 
 from sandra.actions import ActionPair
 from sandra.describe.types import Prompt
@@ -54,6 +55,8 @@ def create(
     deadline: float = DEADLINE,
     temperature: float | None = None,
     seed: int | None = None,
+    cache: str | Path | None = None,
+    max_concurrent: int | None = None,
 ) -> Ranker:
     """Make a ranker.
 
@@ -64,6 +67,8 @@ def create(
         deadline: wall-clock time for one ranking [s], for models and for plug-ins.
         temperature: for models that write; None: the server's own, 0 in this process.
         seed: likewise (not sent if None), and for `random` without a seed of its own.
+        cache: folder in which the answers of servers are kept; None keeps none.
+        max_concurrent: requests to a server at once, over all processes of this user.
 
     Raises:
         RankerError: unknown spec, missing key, unreadable recording, or a plug-in that cannot be
@@ -72,7 +77,14 @@ def create(
     kind, colon, rest = spec.strip().partition(":")
     if kind in SERVERS and colon:
         return server_ranker(
-            kind, rest, base_url=base_url, deadline=deadline, temperature=temperature, seed=seed
+            kind,
+            rest,
+            base_url=base_url,
+            deadline=deadline,
+            cache=cache,
+            max_concurrent=max_concurrent,
+            temperature=temperature,
+            seed=seed,
         )
     if kind in LOCAL and colon:
         return local_ranker(kind, rest, deadline=deadline, temperature=temperature, seed=seed)

@@ -12,8 +12,9 @@ from typing import Any
 
 from sandra.rankers.answer import MAX_ANSWER
 from sandra.rankers.endpoint import Endpoint, Question
-from sandra.rankers.stream import Reply
+from sandra.rankers.stream import MAX_REFUSAL, Reply
 from sandra.rankers.types import Failure
+from sandra.rankers.usage import told_by_server
 
 
 def take(data: bytes, reply: Reply) -> None:
@@ -48,6 +49,7 @@ def _end(response: Any, reply: Reply) -> None:
     """How it ended: whole, too long, stopped by the content filter, or broken."""
     if not isinstance(response, dict):
         return
+    reply.usage = told_by_server(response.get("usage")) or reply.usage
     if response.get("error"):
         _fail(response["error"], reply)
     why = response.get("incomplete_details")
@@ -75,30 +77,31 @@ def _add(text: Any, reply: Reply) -> None:
 
 def _refuse(text: Any, reply: Reply) -> None:
     if isinstance(text, str) and text:
-        reply.refusal.append(text[:2000])
+        reply.refusal.append(text[: MAX_REFUSAL - sum(map(len, reply.refusal))])
 
 
 def _fail(error: Any, reply: Reply) -> None:
     words = error.get("message") if isinstance(error, dict) else error
-    reply.failure, reply.detail = Failure.SERVER_ERROR, str(words)
+    detail = words if isinstance(words, str) else "an error without words"
+    reply.failure, reply.detail = Failure.SERVER_ERROR, reply.hide(detail)
 
 
 class ResponsesEndpoint(Endpoint):
     """`/responses` of one server for one model; see `Endpoint`."""
 
-    def __init__(
-        self, model: str, base_url: str | None, options: dict[str, Any], server: str = "OPENAI"
-    ) -> None:
-        super().__init__(model, base_url, options, server)
+    path = "responses"
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
         self._take = take
 
     def _service(self) -> Any:
         return self._client.responses.with_streaming_response
 
-    def _body(self, question: Question, with_schema: bool) -> dict[str, Any]:
-        chat = super()._body(question, with_schema)
+    def _body(self, question: Question) -> dict[str, Any]:
+        chat = super()._body(question)
         body = {"model": chat["model"], "input": chat["messages"], "store": False}
-        if with_schema and question.schema is not None:
+        if "response_format" in chat:
             schema = chat["response_format"]["json_schema"]
             body["text"] = {"format": {"type": "json_schema", **schema}}
         return body

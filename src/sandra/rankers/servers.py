@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 from sandra.rankers.chat import ChatRanker
@@ -30,7 +31,14 @@ OPTIONS: dict[str, Callable[[str], Any]] = {
 
 
 def server_ranker(
-    kind: str, text: str, *, base_url: str | None, deadline: float, **sampling: float | int | None
+    kind: str,
+    text: str,
+    *,
+    base_url: str | None,
+    deadline: float,
+    cache: str | Path | None = None,
+    max_concurrent: int | None = None,
+    **sampling: float | int | None,
 ) -> ChatRanker:
     """A ranker that asks one of `SERVERS`.
 
@@ -38,6 +46,7 @@ def server_ranker(
         kind, text: of the spec `kind:text`.
         base_url: goes before the environment and the default.
         deadline: see `ChatRanker`.
+        cache, max_concurrent: see `Endpoint`.
         sampling: `temperature` and `seed`, where the spec names none.
 
     Raises:
@@ -48,5 +57,5 @@ def server_ranker(
     given = {name: v for name, v in {**sampling, **options}.items() if v is not None}
     variables = kind.upper()
     address = base_url or os.environ.get(f"{variables}_BASE_URL") or SERVERS[kind]
-    endpoint = make(model, address, given, variables)
+    endpoint = make(model, address, given, variables, cache=cache, max_concurrent=max_concurrent)
     return ChatRanker(model, deadline=deadline, endpoint=endpoint, name=f"{kind}:{text.strip()}")
