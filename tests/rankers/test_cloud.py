@@ -82,12 +82,6 @@ def test_a_provider_that_sends_comments_to_keep_the_connection() -> None:
         ),
         pytest.param(
             CHAT,
-            Failure.RATE_LIMITED,
-            "Rate limit reached",
-            marks=pytest.mark.default_cassette("chat_rate_limit.yaml"),
-        ),
-        pytest.param(
-            CHAT,
             Failure.REJECTED,
             "does not exist",
             marks=pytest.mark.default_cassette("chat_no_model.yaml"),
@@ -117,6 +111,15 @@ def test_what_goes_wrong_is_named(spec: str, failure: Failure, words: str) -> No
     assert ranking.failure is failure, ranking
     assert words in (ranking.detail or "")
     assert ranking.pairs == (BEST[:1] if failure is Failure.TRUNCATED else ())
+
+
+@pytest.mark.vcr
+@pytest.mark.default_cassette("chat_rate_limit.yaml")
+def test_a_pause_that_is_longer_than_the_deadline_is_not_waited_for() -> None:
+    """From a host of its own: nobody else is to be kept waiting by it."""
+    ranking = rank(CHAT, "https://limited.example/v1")
+    assert ranking.failure is Failure.RATE_LIMITED
+    assert "Rate limit reached" in (ranking.detail or "")
 
 
 @pytest.mark.vcr

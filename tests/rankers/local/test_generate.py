@@ -10,7 +10,7 @@ import pytest
 
 from sandra.describe import describe, only
 from sandra.rankers.bounded import Deadline
-from sandra.rankers.endpoint import Question
+from sandra.rankers.endpoint import Exchange, Question
 from sandra.rankers.local.folder import Folder, folder
 from sandra.rankers.local.generate import Generating
 from sandra.rankers.local.question import LONGEST_REASONING, MOST_TOKENS
@@ -28,7 +28,7 @@ def model(tiny: Path) -> Folder:
 
 
 def ask(asks: Generating, question: Question, seconds: float = 60.0) -> Reply:
-    reply = asks.ask(question, Deadline(seconds), [])
+    reply = asks.ask(question, Deadline(seconds), Exchange())
     assert isinstance(reply, Reply)
     return reply
 

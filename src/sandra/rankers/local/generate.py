@@ -14,11 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sandra.rankers.bounded import Deadline
-from sandra.rankers.endpoint import Problem, Question
+from sandra.rankers.client import Problem
+from sandra.rankers.endpoint import Exchange, Question
 from sandra.rankers.local.folder import Folder, Memory
 from sandra.rankers.local.packages import package
 from sandra.rankers.local.question import BUSY, MOST_TOKENS, messages_of, schema_of
 from sandra.rankers.stream import Reply
+from sandra.rankers.usage import Usage
 
 _FORM = {"whitespace_flexible": False, "item_separator": ", ", "key_separator": ": "}
 """As `json.dumps` writes it: where any white space will do, a small model writes nothing else."""
@@ -40,15 +42,15 @@ class Generating:
         several = named if isinstance(named, list) else [named]
         self._ends = {n for n in (*several, folder.tokenizer.eos_token_id) if n is not None}
 
-    def ask(self, question: Question, deadline: Deadline, replies: list[Reply]) -> Problem | Reply:
+    def ask(self, question: Question, deadline: Deadline, exchange: Exchange) -> Problem | Reply:
         """See `Asks`."""
         tokens = self._folder.tokens_of(self._folder.text_of(messages_of(question)))
         matcher = self._matcher(schema_of(question))
-        reply = Reply()
+        reply = Reply(begun=True)
         with self._folder.turns.turn(deadline) as mine:
             if not mine:
                 return BUSY
-            replies.append(reply)
+            exchange.requests.append(reply)
             memory = self._folder.read(tokens, deadline)
             if memory is None:
                 reply.ended_early = True
@@ -66,6 +68,7 @@ class Generating:
     def _write(self, memory: Memory, matcher: Any, reply: Reply, deadline: Deadline) -> None:
         draw = random.Random(self._seed)
         written: list[int] = []
+        read = len(memory.tokens)
         while len(written) < MOST_TOKENS:
             if self._folder.turns.over(deadline):
                 reply.ended_early = True
@@ -79,6 +82,7 @@ class Generating:
             over = step[-1] in self._ends or (matcher is not None and matcher.is_stopped())
             written += step
             self._tell(written, reply)
+            reply.usage = Usage(input=read, output=len(written))
             if over:
                 reply.finish = "stop"
                 return

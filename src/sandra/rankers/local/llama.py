@@ -15,7 +15,8 @@ from typing import Any
 
 from sandra.errors import RankerError
 from sandra.rankers.bounded import Deadline
-from sandra.rankers.endpoint import Problem, Question
+from sandra.rankers.client import Problem
+from sandra.rankers.endpoint import Exchange, Question
 from sandra.rankers.local.packages import package
 from sandra.rankers.local.question import BUSY, MOST_TOKENS, messages_of, schema_of
 from sandra.rankers.local.turns import Turns
@@ -65,10 +66,10 @@ class LlamaCpp:
         return Asking(self, sampling)
 
     def ask(
-        self, question: Question, deadline: Deadline, replies: list[Reply], sampling: dict[str, Any]
+        self, question: Question, deadline: Deadline, exchange: Exchange, sampling: dict[str, Any]
     ) -> Problem | Reply:
         """See `Asks`."""
-        reply = Reply()
+        reply = Reply(begun=True)
         problems: list[Problem] = []
 
         def take(chunk: dict[str, Any]) -> bool:
@@ -84,7 +85,7 @@ class LlamaCpp:
         with self._turns.turn(deadline) as mine:
             if not mine:
                 return BUSY
-            replies.append(reply)
+            exchange.requests.append(reply)
             self._server.handle_chat_completions(_body(question, sampling), take)
         return problems[0] if problems else reply
 
@@ -95,9 +96,9 @@ class Asking:
     def __init__(self, model: LlamaCpp, sampling: dict[str, Any]) -> None:
         self._model, self._sampling = model, sampling
 
-    def ask(self, question: Question, deadline: Deadline, replies: list[Reply]) -> Problem | Reply:
+    def ask(self, question: Question, deadline: Deadline, exchange: Exchange) -> Problem | Reply:
         """See `Asks`."""
-        return self._model.ask(question, deadline, replies, self._sampling)
+        return self._model.ask(question, deadline, exchange, self._sampling)
 
 
 @lru_cache(maxsize=2)
@@ -127,6 +128,7 @@ def _body(question: Question, sampling: dict[str, Any]) -> dict[str, Any]:
     body = {
         "messages": messages_of(question),
         "stream": True,
+        "stream_options": {"include_usage": True},
         "return_progress": True,  # a chunk after each batch that was read
         "max_tokens": MOST_TOKENS,
         "chat_template_kwargs": {"enable_thinking": False},

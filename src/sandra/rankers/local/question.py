@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from sandra.rankers.endpoint import Problem, Question
+from sandra.rankers.client import Problem
+from sandra.rankers.endpoint import Question
 from sandra.rankers.types import Failure
 
 MOST_TOKENS = 1024
