@@ -8,6 +8,7 @@ waits for any more leaves the model free for the next one within a batch's time.
 from __future__ import annotations
 
 import json
+import os
 import secrets
 from functools import lru_cache
 from pathlib import Path
@@ -34,7 +35,7 @@ class LlamaCpp:
 
     Args:
         path: the GGUF file.
-        threads: default one per core.
+        threads: default OMP_NUM_THREADS, else one per core.
         context: see `CONTEXT`.
 
     Raises:
@@ -52,6 +53,7 @@ class LlamaCpp:
         parameters.warmup = False
         # It always opens a port on loopback too; nobody knows the key.
         parameters.api_keys = [secrets.token_hex(32)]
+        threads = threads or _usual_threads()
         if threads is not None:
             parameters.cpuparams.n_threads = threads
             parameters.cpuparams_batch.n_threads = threads
@@ -122,6 +124,12 @@ def llama(path: str, *, threads: int | None = None, context: int = CONTEXT) -> L
     if not is_gguf:
         raise RankerError(f"gguf: {path} is no GGUF file")
     return _loaded(file, changed, threads, context)
+
+
+def _usual_threads() -> int | None:
+    """As PyTorch and others take it from the environment."""
+    text = os.environ.get("OMP_NUM_THREADS", "").strip()
+    return int(text) if text.isdecimal() and int(text) > 0 else None
 
 
 def _body(question: Question, sampling: dict[str, Any]) -> dict[str, Any]:
