@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import os
 import secrets
+import threading
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -53,10 +54,10 @@ class LlamaCpp:
         parameters.warmup = False
         # It always opens a port on loopback too; nobody knows the key.
         parameters.api_keys = [secrets.token_hex(32)]
-        threads = threads or _usual_threads()
-        if threads is not None:
-            parameters.cpuparams.n_threads = threads
-            parameters.cpuparams_batch.n_threads = threads
+        number = threads or _usual_threads()
+        if number is not None:
+            parameters.cpuparams.n_threads = number
+            parameters.cpuparams_batch.n_threads = number
         try:
             self._server = llama.Server(parameters)
         except RuntimeError as error:
@@ -108,6 +109,9 @@ def _loaded(path: Path, changed: int, threads: int | None, context: int) -> Llam
     return LlamaCpp(path, threads, context)
 
 
+_loading = threading.Lock()
+
+
 def llama(path: str, *, threads: int | None = None, context: int = CONTEXT) -> LlamaCpp:
     """The model in a file; the last two that were used stay loaded.
 
@@ -123,7 +127,8 @@ def llama(path: str, *, threads: int | None = None, context: int = CONTEXT) -> L
         raise RankerError(f"gguf: {path} cannot be read ({error.strerror})") from None
     if not is_gguf:
         raise RankerError(f"gguf: {path} is no GGUF file")
-    return _loaded(file, changed, threads, context)
+    with _loading:
+        return _loaded(file, changed, threads, context)
 
 
 def _usual_threads() -> int | None:
