@@ -13,12 +13,13 @@ help:  ## list the targets
 
 .venv: .venv/.installed  ## the virtual environment, from requirements.lock
 
-.venv/.installed: pyproject.toml requirements.lock setup.py $(wildcard src/sandra/reach/native/*)
+.venv/.installed: pyproject.toml requirements.lock requirements-torch.txt setup.py $(wildcard src/sandra/reach/native/*)
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || \
 	  { echo "make: $(PYTHON) is not Python 3.11 or newer; name one: make PYTHON=python3.12 ..." >&2; exit 2; }
 	$(PYTHON) -m venv .venv
 	@# The lock is complete: nothing is resolved, so no later release can get in the way.
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps -r requirements.lock
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-compile -r requirements.lock
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-compile --retries 1 -r requirements-torch.txt
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps -e .
 	$(BIN)/python -m pip check --disable-pip-version-check
 	@touch $@
@@ -101,7 +102,8 @@ example-shield: .venv-shield/.installed  ## a DQN is trained, then drives withou
 	@touch $@
 
 lock:  ## resolve requirements.lock anew (needs uv)
-	uv pip compile --quiet --universal --python-version 3.11 --extra highway --group dev --generate-hashes \
+	uv pip compile --quiet --universal --python-version 3.11 --extra highway --extra local --group dev --generate-hashes \
+	  --overrides scripts/without-torch.txt \
 	  --no-emit-index-url --no-emit-find-links --custom-compile-command "make lock" \
 	  --output-file requirements.lock pyproject.toml
 

@@ -1,10 +1,15 @@
 """What several tests share."""
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
+from filelock import FileLock
 from hypothesis import settings
+
+import tiny_model
 
 ROOT = Path(__file__).resolve().parents[1]
 SHARED = ROOT.parent / "shared"
@@ -21,3 +26,37 @@ def shared() -> Path:
     if not SHARED.is_dir():
         pytest.skip("reference data folder '../shared' is absent")
     return SHARED
+
+
+@pytest.fixture(scope="session")
+def tiny(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a tiny language model, made once for all processes of a test run.
+
+    `model/` (Hugging Face), `adapter/` (LoRA), `model.gguf`; see `tiny_model`.
+    """
+    base = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        base = base.parent
+    folder, made = base / "tiny-model", base / "tiny-model.made"
+    with FileLock(base / "tiny-model.lock"):
+        if not made.exists():
+            tiny_model.make(folder)
+            made.touch()
+    return folder
+
+
+@pytest.fixture(scope="session")
+def llama_server(tiny: Path) -> Iterator[str]:
+    """The address of a real llama.cpp server on loopback that serves the tiny model."""
+    with tiny_model.served(tiny / "model.gguf") as url:
+        yield url
+
+
+@pytest.fixture(scope="session")
+def vcr_config() -> dict[str, Any]:
+    """Of recorded answers: the body of a request must match, and no key is in them."""
+    return {
+        "match_on": ["method", "scheme", "host", "port", "path", "query", "body"],
+        "filter_headers": ["authorization"],
+        "record_mode": "none",
+    }

@@ -14,6 +14,8 @@ from sandra.errors import ActionError, RankerError
 from sandra.rankers import replay
 from sandra.rankers.adversarial import AdversarialRanker
 from sandra.rankers.chat import DEADLINE, ChatRanker
+from sandra.rankers.local.score import ScoreRanker
+from sandra.rankers.local.spec import LOCAL, local_ranker
 from sandra.rankers.misbehaving import AlwaysRanker, GarbageRanker, LateRanker
 from sandra.rankers.rules import RulesRanker
 from sandra.rankers.servers import SERVERS, server_ranker
@@ -21,9 +23,9 @@ from sandra.rankers.simple import Answer, ExhaustiveRanker, PlugIn, RandomRanker
 from sandra.rankers.types import Ranker, Ranking
 
 CHOICES = (
-    "openai:MODEL, ollama:MODEL, vllm:MODEL, rules, random[:SEED], exhaustive, "
-    "replay:FILE[#column=value], adversarial, always:PAIR, garbage, late:SECONDS, "
-    "or module:attribute of your own"
+    "openai:MODEL, ollama:MODEL, vllm:MODEL, gguf:FILE, hf:FOLDER[+ADAPTER][#mode=score], rules, "
+    "random[:SEED], exhaustive, replay:FILE[#column=value], adversarial, always:PAIR, garbage, "
+    "late:SECONDS, or module:attribute of your own"
 )
 _PLAIN: dict[str, Callable[[], Ranker]] = {
     "rules": RulesRanker,
@@ -33,6 +35,7 @@ _PLAIN: dict[str, Callable[[], Ranker]] = {
 }
 _OWN = (
     ChatRanker,
+    ScoreRanker,
     RulesRanker,
     RandomRanker,
     ExhaustiveRanker,
@@ -62,7 +65,7 @@ def create(
             an object with `rank(prompt, deadline)`, or a function of a prompt.
         base_url: of an OpenAI-compatible server, for `openai:`, `ollama:` and `vllm:`.
         deadline: wall-clock time for one ranking [s], for models and for plug-ins.
-        temperature: for models on servers; not sent if None.
+        temperature: for models that write; None: the server's own, 0 in this process.
         seed: likewise (not sent if None), and for `random` without a seed of its own.
         cache: folder in which the answers of servers are kept; None keeps none.
         max_concurrent: requests to a server at once, over all processes of this user.
@@ -83,6 +86,8 @@ def create(
             temperature=temperature,
             seed=seed,
         )
+    if kind in LOCAL and colon:
+        return local_ranker(kind, rest, deadline=deadline, temperature=temperature, seed=seed)
     if kind == "random":
         return RandomRanker(_seed(rest) if colon else seed or 0)
     if kind == "replay" and rest:

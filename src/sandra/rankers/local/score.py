@@ -1,0 +1,228 @@
+"""`hf:PATH#mode=score`: how likely would the model write each feasible pair?
+
+Nothing is written. The prompt is read once, then all pairs are looked at in one forward pass that
+shares what was read: complete, distinct, always the same, and several times faster than writing.
+
+A sum of log-likelihoods favours short words, and models like some words, and some places of a list,
+better than others whatever they are told. Hence two corrections (`calibrate`):
+
+* `length`: at each token only those alternatives count that lead to a feasible pair. The rest of a
+  word that has only one ending costs nothing, however long it is. What comes out are probabilities
+  of the feasible pairs: those with which constrained decoding would write them.
+* `neutral`: from the logarithms of these are taken those under a prompt that lists the same
+  actions in the same order and tells nothing of the situation (Zhao et al., "Calibrate Before
+  Use", ICML 2021; Holtzman et al., "Surface Form Competition", EMNLP 2021). Not for a model that
+  was trained for this task: what it prefers in general it has learned.
+"""
+
+from __future__ import annotations
+
+import copy
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sandra.actions import ActionPair
+from sandra.describe.outside import one_line
+from sandra.describe.types import Prompt
+from sandra.rankers.bounded import Deadline, Running
+from sandra.rankers.endpoint import Question
+from sandra.rankers.local.folder import Folder, Memory
+from sandra.rankers.local.question import messages_of
+from sandra.rankers.types import Failure, Ranking
+
+CALIBRATIONS = ("neutral", "length", "none")
+OPENING = '{"reasoning": "", "ranking": ['
+"""How an answer without reasoning begins; a pair is what follows."""
+NEUTRAL = "There is no information about the environment."
+
+Scores = dict[ActionPair, float]
+"""Log-likelihood of each feasible pair, calibrated."""
+
+
+class ScoreRanker:
+    """Ranks by likelihood. Deterministic; usable from several threads.
+
+    Args:
+        name: for results.
+        deadline: for one ranking [s].
+        calibrate: one of `CALIBRATIONS`.
+    """
+
+    def __init__(self, name: str, folder: Folder, deadline: float, calibrate: str) -> None:
+        self.name, self.deadline, self.calibrate = name, deadline, calibrate
+        self._folder = folder
+        self._of_neutral: dict[tuple[ActionPair, ...], NDArray[np.float64]] = {}
+
+    def rank(self, prompt: Prompt, deadline: float | None = None) -> Ranking:
+        """See `Ranker`. Returns within the deadline (default: `self.deadline`)."""
+        return self.begin(prompt, deadline).finish(prompt)
+
+    def begin(self, prompt: Prompt, deadline: float | None = None) -> Scoring:
+        """Score all feasible pairs already; see `Scoring`."""
+        return Scoring(self, prompt, self.deadline if deadline is None else deadline)
+
+    def scores(self, prompt: Prompt, deadline: Deadline) -> Scores | None:
+        """Of every feasible pair; None if the deadline passed first."""
+        with self._folder.turns.turn(deadline) as mine:
+            if not mine:
+                return None
+            question = Question(prompt.system, (("user", prompt.user),), None)
+            found = self._log_likelihoods(question, prompt.feasible, deadline)
+            if found is not None and self.calibrate == "neutral":
+                known = self._of_neutral.get(prompt.feasible)
+                if known is None:
+                    known = self._log_likelihoods(_neutral(prompt), prompt.feasible, deadline)
+                if known is None:
+                    return None
+                self._of_neutral[prompt.feasible] = known
+                found = found - known
+        if found is None:
+            return None
+        return dict(zip(prompt.feasible, found.tolist(), strict=True))
+
+    def _log_likelihoods(
+        self, question: Question, pairs: Sequence[ActionPair], deadline: Deadline
+    ) -> NDArray[np.float64] | None:
+        """(n,) of the pairs as they would be written after the question; None: too late."""
+        before = self._folder.tokens_of(self._folder.text_of(messages_of(question)))
+        written = [self._folder.tokens_of(OPENING + _text(pair)) for pair in pairs]
+        # Tokens may reach over the end of the opening: what all have in common is read at once.
+        shared = min(_same(written[0], other) for other in written)
+        memory = self._folder.read([*before, *written[0][:shared]], deadline)
+        if memory is None or self._folder.turns.over(deadline):
+            return None
+        ways = [tuple(tokens[shared:]) for tokens in written]
+        logits = self._after_each(memory, ways)
+        if self.calibrate == "none":
+            return _sums(ways, logits)
+        return _among_alternatives(ways, logits)
+
+    def _after_each(
+        self, memory: Memory, ways: Sequence[tuple[int, ...]]
+    ) -> dict[tuple[int, ...], NDArray[np.float64]]:
+        """The logits after each beginning of a way, from one forward pass for all of them."""
+        torch = self._folder.torch
+        longest = max(len(way) for way in ways)
+        rows = [[*way, *[0] * (longest - len(way))] for way in ways]
+        cache = copy.deepcopy(memory.cache)
+        cache.batch_repeat_interleave(len(rows))
+        with torch.inference_mode():
+            out = self._folder.model(
+                input_ids=torch.tensor(rows, device=self._folder.device),
+                cache=cache,
+                use_cache=True,
+            )
+        logits = out.logits.float().cpu().numpy().astype(np.float64)
+        found: dict[tuple[int, ...], NDArray[np.float64]]
+        found = {(): memory.logits.cpu().numpy().astype(np.float64)}
+        for way, row in zip(ways, logits, strict=True):
+            for end in range(1, len(way)):
+                found.setdefault(way[:end], row[end - 1])
+        return found
+
+
+class Scoring:
+    """The pairs are scored while it is found out which hold; then the best of these (`Ahead`)."""
+
+    def __init__(self, ranker: ScoreRanker, prompt: Prompt, seconds: float) -> None:
+        self._name, self._seconds = ranker.name, seconds
+        self._deadline = Deadline(seconds)
+        self._running: Running[Scores | bool] = Running(
+            lambda: ranker.scores(prompt, self._deadline) or False, ranker.name
+        )
+
+    @property
+    def ready(self) -> bool:
+        """See `Ahead`."""
+        return self._running.done
+
+    @property
+    def duration(self) -> float:
+        """See `Ahead`."""
+        return self._running.duration
+
+    def finish(self, prompt: Prompt) -> Ranking:
+        """See `Ahead`."""
+        outcome = self._running.wait(self._deadline.left)
+        ranking = Ranking((), self._name)
+        if outcome.error is not None:
+            detail = one_line(outcome.error, 300)
+            return replace(ranking, failure=Failure.INTERNAL, detail=detail)
+        if not isinstance(outcome.value, dict) or self.duration > self._seconds:
+            detail = f"not read within {self._seconds:g} s"
+            return replace(ranking, failure=Failure.TIMEOUT, detail=detail)
+        scores = {pair: outcome.value[pair] for pair in prompt.feasible}
+        best = sorted(scores, key=lambda pair: -scores[pair])[: prompt.k]
+        return replace(ranking, pairs=tuple(best), reasoning=_told(scores, best))
+
+    def stop(self) -> None:
+        """See `Ahead`."""
+        self._deadline.end()
+
+
+def _text(pair: ActionPair) -> str:
+    """A pair as it stands in an answer."""
+    return json.dumps({"longitudinal": pair.longitudinal.value, "lateral": pair.lateral.value})
+
+
+def _neutral(prompt: Prompt) -> Question:
+    """The same choice, in the same order, without a situation, a wish or a past."""
+    system = (
+        "You are driving a car and need to make a high-level driving decision.\n"
+        f"Feasible longitudinal actions: {', '.join(a.value for a in prompt.longitudinal)}\n"
+        f"Feasible lateral actions: {', '.join(a.value for a in prompt.lateral)}\n"
+        'Answer with one JSON object: first "reasoning" (text), then "ranking" (a list of '
+        'objects, each with "longitudinal" and "lateral").'
+    )
+    return Question(system, (("user", NEUTRAL),), None)
+
+
+def _same(a: Sequence[int], b: Sequence[int]) -> int:
+    """How many tokens at the beginning are the same, short of the last one."""
+    length = 0
+    while length < min(len(a), len(b)) - 1 and a[length] == b[length]:
+        length += 1
+    return length
+
+
+def _sums(ways: Sequence[tuple[int, ...]], logits: dict[Any, Any]) -> NDArray[np.float64]:
+    """Of the log-likelihoods of all tokens: short ways are favoured."""
+    return np.array(
+        [
+            sum(logits[way[:i]][token] - _log_sum(logits[way[:i]]) for i, token in enumerate(way))
+            for way in ways
+        ]
+    )
+
+
+def _among_alternatives(
+    ways: Sequence[tuple[int, ...]], logits: dict[Any, Any]
+) -> NDArray[np.float64]:
+    """Of the log-likelihoods of tokens among those that may follow; the exponentials sum to 1."""
+    found = np.zeros(len(ways))
+    for row, way in enumerate(ways):
+        for i, token in enumerate(way):
+            others = sorted({w[i] for w in ways if w[:i] == way[:i] and len(w) > i})
+            if len(others) > 1:
+                here = logits[way[:i]]
+                found[row] += here[token] - _log_sum(here[others])
+    return found
+
+
+def _log_sum(values: NDArray[np.float64]) -> float:
+    most = float(values.max())
+    return most + float(np.log(np.exp(values - most).sum()))
+
+
+def _told(scores: Scores, best: Sequence[ActionPair]) -> str:
+    """In words, as shares among the pairs that may be ranked."""
+    values = np.array(list(scores.values()))
+    shares = np.exp(values - _log_sum(values))
+    of = dict(zip(scores, shares, strict=True))
+    words = ", ".join(f"{pair} {of[pair]:.0%}" for pair in best)
+    return f"Likelihood of each pair as an answer, nothing is written: {words}."
