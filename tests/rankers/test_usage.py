@@ -178,6 +178,13 @@ def test_a_file_of_prices_that_is_none(tmp_path: Path, text: str) -> None:
         load_prices(tmp_path / "none.toml")
 
 
+def test_the_prices_in_the_documents_are_ones(tmp_path: Path) -> None:
+    text = (Path(__file__).parents[2] / "docs" / "rankers.md").read_text(encoding="utf-8")
+    path = tmp_path / "prices.toml"
+    path.write_text(text.partition("```toml\n")[2].partition("```")[0], encoding="utf-8")
+    assert set(load_prices(path)) == {"openai:some-model", "vllm:other-model"}
+
+
 def test_the_commands_tell_the_cost(
     prices: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
