@@ -110,6 +110,20 @@ def test_a_decision(server: Hostile, name: str) -> None:
     assert decision.maneuver.states.shape[1] == 5
 
 
+@pytest.mark.parametrize("name", CASES)
+def test_the_other_interface(server: Hostile, name: str) -> None:
+    """`/responses`: no play is an answer there, and each is one more way to be wrong."""
+    ranker = create("openai:m#api=responses", base_url=server.url(name))
+    deadline = SHORT if CASES[name].waits else LONG
+    with Watch(deadline) as watch:
+        ranking = ranker.rank(PROMPT, deadline)
+    assert watch.own < OWN
+    assert watch.took < (deadline + BUSY if CASES[name].waits else deadline)
+    assert ranking.failure is not None
+    assert ranking.failure is not Failure.INTERNAL
+    assert ranking.pairs == ()
+
+
 COMMANDS = (
     "good",
     "stalls",

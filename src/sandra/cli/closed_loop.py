@@ -23,7 +23,8 @@ def add(actions: Any) -> None:
         "drive all rows of the closed-loop table that are not in the folder yet, and print it "
         "beside the paper's; exit status 1 if an episode broke off with an error",
         "sandra evaluate closed-loop --settings 1,2,3 --paper-seeds --rows 'idm rules/*/paper' "
-        "--workers auto --out runs/table",
+        "--workers auto --out runs/table; with a model: sandra evaluate closed-loop "
+        "--ranker openai:MODEL --rows 'openai*' --deadline 5 --cache answers --prices prices.toml",
     )
     parser.add_argument(
         "--rows",

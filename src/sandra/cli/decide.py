@@ -30,7 +30,9 @@ def add(commands: Any) -> None:
         "decide",
         "describe a scenario, have action pairs ranked, verify them, choose what is executed",
         "sandra decide intersection --command 'drive faster' --prediction set-based "
-        "--rules R_G1,R_G2,R_G3 --mode verify-first --figure decision.png",
+        "--rules R_G1,R_G2,R_G3 --mode verify-first --figure decision.png; with a model: "
+        "sandra decide merge --ranker openai:MODEL --base-url http://localhost:8000/v1 "
+        "--deadline 2 --mode repair --cache answers --prices prices.toml",
     )
     add_scenario(parser)
     add_prompting(parser)

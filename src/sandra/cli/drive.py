@@ -30,7 +30,8 @@ def add(commands: Any) -> None:
         "drive episodes of highway-env with decisions that are verified, and write a run folder; "
         "exit status 0 if the ego was in no collision, else 1",
         "sandra drive highway --setting 2 --seeds 5838 --ranker rules --prediction set-based "
-        "--rules R_G1,R_G2,R_G3",
+        "--rules R_G1,R_G2,R_G3; with a model: sandra drive highway --ranker openai:MODEL "
+        "--base-url http://localhost:8000/v1 --deadline 2 --workers 4 --max-concurrent 2",
     )
     parser.add_argument(
         "environment",

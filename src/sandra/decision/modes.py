@@ -13,7 +13,7 @@ from sandra.actions import ALL_PAIRS, ActionPair
 from sandra.decision.judge import Judge
 from sandra.decision.stages import Clock, Meanwhile
 from sandra.describe import Prompt, answered, narrow
-from sandra.rankers import Failure, Ranker, Ranking, begin, total
+from sandra.rankers import Failure, Ranker, Ranking, begin, both, total
 from sandra.reach import Status, Verdict
 
 MODES = ("rank", "exhaustive", "verify-first", "repair")
@@ -93,7 +93,9 @@ def repair(
     else:
         verdicts = _walk(first.judge, ranking.pairs, walk, clock)
     note = f"asked again: {why}"
-    ranking = replace(ranking, warnings=(note, *ranking.warnings), usage=usage)
+    recorded = both(first.ranking.recorded_s, ranking.recorded_s)
+    warnings = (note, *ranking.warnings)
+    ranking = replace(ranking, warnings=warnings, usage=usage, recorded_s=recorded)
     return Walked(again, ranking, (*verdicts, *known.values()), first.judge)
 
 

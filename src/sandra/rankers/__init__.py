@@ -4,7 +4,7 @@ from sandra.rankers.ahead import Ahead, begin
 from sandra.rankers.answer import parse_answer
 from sandra.rankers.registry import CHOICES, as_ranker, ask, create
 from sandra.rankers.types import Failure, Ranker, Ranking
-from sandra.rankers.usage import Usage, total
+from sandra.rankers.usage import Usage, both, total
 
 __all__ = [
     "CHOICES",
@@ -16,6 +16,7 @@ __all__ = [
     "as_ranker",
     "ask",
     "begin",
+    "both",
     "create",
     "parse_answer",
     "total",

@@ -19,7 +19,7 @@ from sandra.rankers.client import Problem
 from sandra.rankers.endpoint import Asks, Endpoint, Exchange, Question
 from sandra.rankers.stream import Reply
 from sandra.rankers.types import Failure, Ranking
-from sandra.rankers.usage import total
+from sandra.rankers.usage import both, total
 
 DEADLINE = 30.0
 """Wall-clock time for one ranking if no other is given [s]."""
@@ -109,7 +109,6 @@ class Reasoning:
         text = whole.answer
         if text is None or whole.failure in (Failure.TIMEOUT, Failure.REFUSED, Failure.EMPTY):
             return whole
-        self._first.exchange.keep()
         if whole.failure is None and not whole.warnings:
             return whole  # A server without structured outputs: it has ranked pairs that hold.
         turns = (("user", self._prompt.user), ("assistant", text), ("user", prompt.narrowing))
@@ -117,13 +116,15 @@ class Reasoning:
         left = self._first.seconds - self._first.running.duration
         self._second = Asked(self._endpoint, self._name, question, left, self._first.seconds)
         ranking = self._second.ranking(prompt)
+        if ranking.failure is None:
+            self._first.exchange.keep()
         answer = "\n".join(part for part in (text, ranking.answer) if part)
         return replace(
             ranking,
             reasoning=parse_reasoning(text),
             answer=answer,
             usage=total((whole.usage, ranking.usage)),
-            recorded_s=_both(whole.recorded_s, ranking.recorded_s),
+            recorded_s=both(whole.recorded_s, ranking.recorded_s),
         )
 
     def stop(self) -> None:
@@ -196,11 +197,6 @@ class Asked:
         if ranking.pairs:
             detail += f"; {len(ranking.pairs)} pairs had arrived"
         return replace(ranking, failure=Failure.TIMEOUT, detail=detail)
-
-
-def _both(first: float | None, second: float | None) -> float | None:
-    """The recorded duration of two answers; None unless both are recorded [s]."""
-    return None if first is None or second is None else first + second
 
 
 def _is_cut(ranking: Ranking) -> bool:

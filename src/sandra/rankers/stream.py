@@ -48,7 +48,10 @@ class Reply:
     @property
     def text(self) -> str:
         """The answer's text so far."""
-        return self.hide("".join(self.pieces))
+        text = "".join(self.pieces)
+        # Events may part a pair of surrogates; one that stays alone is no character.
+        text = text.encode("utf-16-le", "surrogatepass").decode("utf-16-le", "replace")
+        return self.hide(text)
 
     @property
     def refusal_text(self) -> str:

@@ -71,6 +71,11 @@ def total(usages: Iterable[Usage | None]) -> Usage | None:
     return sum(known, Usage()) if known else None
 
 
+def both(first: float | None, second: float | None) -> float | None:
+    """The recorded duration of two answers; None unless both are recorded [s]."""
+    return None if first is None or second is None else first + second
+
+
 def told_by_server(data: Any) -> Usage | None:
     """The `usage` of a chat completion or a response; None if it tells no tokens."""
     if not isinstance(data, dict):
