@@ -1,8 +1,9 @@
 """`gguf:PATH`: a GGUF file in this process, through llama.cpp.
 
-The answer is constrained to the schema by a grammar. The prompt is read in small batches, and
-after each batch and each token it is looked whether the deadline has passed: a question that nobody
-waits for any more leaves the model free for the next one within a batch's time.
+The answer is constrained to the schema by a grammar, in which moreover no pair may be written
+twice. The prompt is read in small batches, and after each batch and each token it is looked whether
+the deadline has passed: a question that nobody waits for any more leaves the model free for the
+next one within a batch's time.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from sandra.errors import RankerError
 from sandra.rankers.bounded import Deadline
 from sandra.rankers.client import Problem
 from sandra.rankers.endpoint import Exchange, Question
+from sandra.rankers.local.grammar import grammar_of
 from sandra.rankers.local.packages import package
 from sandra.rankers.local.question import BUSY, MOST_TOKENS, messages_of, schema_of
 from sandra.rankers.local.turns import Turns
@@ -149,7 +151,10 @@ def _body(question: Question, sampling: dict[str, Any]) -> dict[str, Any]:
         **sampling,
     }
     schema = schema_of(question)
-    if schema is not None:
+    rules = None if schema is None else grammar_of(schema)
+    if rules is not None:
+        body["grammar"] = f"%llguidance {{}}\n{rules}"
+    elif schema is not None:
         schema = {"name": "ranking", "strict": True, "schema": schema}
         body["response_format"] = {"type": "json_schema", "json_schema": schema}
     return body
