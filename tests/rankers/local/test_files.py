@@ -161,3 +161,12 @@ print([name for name in {heavy!r} if name in sys.modules], file=sys.stderr)
         [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True
     )
     assert done.stderr.strip() == "[]"
+
+
+def test_the_port_that_comes_along_is_closed_to_others(tiny: Path) -> None:
+    """llama.cpp listens on loopback even in this process; without our key it answers nobody."""
+    import httpx2
+
+    address = llama.llama(str(tiny / "model.gguf"), threads=1)._server.listening_address
+    body = {"messages": [{"role": "user", "content": "hello"}], "max_tokens": 1}
+    assert httpx2.post(f"{address}/v1/chat/completions", json=body, timeout=30.0).status_code == 401

@@ -14,7 +14,7 @@ from sandra.rankers.bounded import Deadline
 from sandra.rankers.local.packages import package
 from sandra.rankers.local.turns import Turns
 
-BATCH = 128
+BATCH, BATCH_OF_GPU = 128, 1024
 """Tokens that are read at once; between two batches a question can be given up."""
 
 
@@ -47,6 +47,7 @@ class Folder:
                 raise RankerError(f"hf: {path} cannot be loaded ({words})") from None
         if not self.tokenizer.chat_template or not self.tokenizer.is_fast:
             raise RankerError(f"hf: {path} needs a fast tokenizer with a chat template")
+        self.batch = BATCH if self.device == "cpu" else BATCH_OF_GPU
         self.turns = Turns()
         self._memory = Memory(self)
 
@@ -101,7 +102,7 @@ class Memory:
         while len(self.tokens) < len(tokens):
             if self._folder.turns.over(deadline):
                 return False
-            self.feed(tokens[len(self.tokens) :][:BATCH])
+            self.feed(tokens[len(self.tokens) :][: self._folder.batch])
         return True
 
     def feed(self, tokens: Sequence[int]) -> None:
