@@ -93,6 +93,18 @@ def test_what_was_read_before_changes_nothing(model: Folder) -> None:
         assert np.abs(again.logits.numpy() - first).max() < 1e-3
 
 
+def test_a_conversation_is_read_on_and_not_again(model: Folder) -> None:
+    """The second turn begins with the first, word for word, as in verify-first and repair."""
+    first = ask(Generating(model), QUESTION)
+    turns = (*QUESTION.turns, ("assistant", first.text), ("user", "Once more."))
+    second = ask(Generating(model), Question(PROMPT.system, turns, PROMPT.schema))
+    assert first.usage is not None
+    assert second.usage is not None
+    read_again = second.usage.input - second.usage.cached_input
+    assert read_again < 30
+    assert second.usage.input > first.usage.input + first.usage.output
+
+
 def test_a_question_that_nobody_waits_for_is_not_read_to_its_end(model: Folder) -> None:
     model.read(model.tokens_of("nothing"), Deadline(60.0))
     long = model.tokens_of(PROMPT.user * 20)

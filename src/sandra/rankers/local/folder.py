@@ -95,10 +95,13 @@ class Memory:
         self.tokens: list[int] = []
         self.cache: Any = folder.new_cache()
         self.logits: Any = None
+        self.kept = 0
+        """So many tokens of the last text had been read before it."""
 
     def read(self, tokens: Sequence[int], deadline: Deadline) -> bool:
         """Whether all was read before the deadline."""
         self._keep(_common(self.tokens, tokens[:-1]))
+        self.kept = len(self.tokens)
         while len(self.tokens) < len(tokens):
             if self._folder.turns.over(deadline):
                 return False

@@ -90,7 +90,7 @@ class Generating:
             over = step[-1] in self._ends or (matcher is not None and matcher.is_stopped())
             written += step
             self._tell(written, reply)
-            reply.usage = Usage(input=read, output=len(written))
+            reply.usage = Usage(input=read, cached_input=memory.kept, output=len(written))
             if over:
                 reply.finish = "stop"
                 return
