@@ -7,6 +7,8 @@ is, field by field, the one that is written there.
 
 from __future__ import annotations
 
+import socket
+
 import pytest
 
 from sandra.actions import ALL_PAIRS, ActionPair, Lateral, Longitudinal
@@ -129,3 +131,8 @@ def test_another_body_is_not_answered() -> None:
     ranking = rank(CHAT + "#temperature=0")
     assert ranking.failure in (Failure.INTERNAL, Failure.UNREACHABLE)
     assert not ranking.pairs
+
+
+def test_no_test_reaches_outside() -> None:
+    with socket.socket() as there, pytest.raises(RuntimeError, match="Network is disabled"):
+        there.connect(("192.0.2.1", 80))

@@ -52,6 +52,8 @@ class Backend:
     """With a ranking, and no failure, where it is given time."""
     thinks: bool = False
     """A language model: it may need longer than a deadline allows."""
+    exact: bool = False
+    """With as many pairs as were asked for, none of them twice."""
     most: int | None = None
     """Pairs at most, where that is not the prompt's k."""
 
@@ -65,12 +67,12 @@ BACKENDS = {
     ),
     "ollama": Backend("ollama:tiny" + LLAMA, served=True, thinks=True),
     "vllm": Backend("vllm:tiny" + LLAMA, served=True, thinks=True),
-    "gguf": Backend("gguf:{tiny}/model.gguf#threads=1", thinks=True),
-    "hf": Backend("hf:{tiny}/model#device=cpu", thinks=True),
-    "hf-adapter": Backend("hf:{tiny}/model+{tiny}/adapter#device=cpu", thinks=True),
-    "hf-score": Backend("hf:{tiny}/model#mode=score&device=cpu", thinks=True),
+    "gguf": Backend("gguf:{tiny}/model.gguf#threads=1", thinks=True, exact=True),
+    "hf": Backend("hf:{tiny}/model#device=cpu", thinks=True, exact=True),
+    "hf-adapter": Backend("hf:{tiny}/model+{tiny}/adapter#device=cpu", thinks=True, exact=True),
+    "hf-score": Backend("hf:{tiny}/model#mode=score&device=cpu", thinks=True, exact=True),
     "hf-score-adapter": Backend(
-        "hf:{tiny}/model+{tiny}/adapter#mode=score&device=cpu", thinks=True
+        "hf:{tiny}/model+{tiny}/adapter#mode=score&device=cpu", thinks=True, exact=True
     ),
     "rules": Backend("rules"),
     "exhaustive": Backend("exhaustive", most=12),
@@ -134,6 +136,9 @@ def keeps_to(ranking: Ranking, prompt: Prompt, made: Made) -> None:
     assert "\n" not in (ranking.detail or "")
     if made.backend.answers:
         assert ranking.failure is None, ranking
+    if made.backend.exact:
+        assert len(ranking.pairs) == prompt.k
+        assert ranking.warnings == ()
 
 
 @every

@@ -15,6 +15,7 @@ from sandra.rankers.local.folder import Folder, folder
 from sandra.rankers.local.generate import Generating
 from sandra.rankers.local.question import LONGEST_REASONING, MOST_TOKENS
 from sandra.rankers.stream import Reply
+from sandra.settings import Settings
 from straight_road import Road
 
 ROAD = Road()
@@ -44,6 +45,7 @@ def test_whatever_is_drawn_fits_the_schema(model: Folder, seed: int) -> None:
     assert len(answer["reasoning"]) <= LONGEST_REASONING
     feasible = {(p.longitudinal.value, p.lateral.value) for p in PROMPT.feasible}
     assert len(answer["ranking"]) == PROMPT.k
+    assert len({(r["longitudinal"], r["lateral"]) for r in answer["ranking"]}) == PROMPT.k
     assert all((r["longitudinal"], r["lateral"]) in feasible for r in answer["ranking"])
     assert ask(Generating(model, temperature=3.0, seed=seed), QUESTION).text == reply.text
 
@@ -58,6 +60,15 @@ def test_without_a_schema_any_text_will_do(model: Folder) -> None:
     assert reply.text
     assert reply.finish in ("stop", "length")
     assert "<|im_end|>" not in reply.text
+
+
+def test_where_the_grammar_gives_up_the_schema_holds(model: Folder) -> None:
+    twelve = describe(
+        ROAD.scene(lanes=ROAD.three_lanes()), settings=Settings(k=len(PROMPT.feasible))
+    )
+    question = Question(twelve.system, (("user", twelve.user),), twelve.schema)
+    answer = json.loads(ask(Generating(model), question).text)
+    assert len(answer["ranking"]) == 12
 
 
 def test_half_a_ranking_is_asked_for(model: Folder) -> None:

@@ -107,6 +107,7 @@ class Memory:
     def feed(self, tokens: Sequence[int]) -> None:
         """Read on."""
         torch = self._folder.torch
+        known, self.tokens = self.tokens, []  # nothing is known if this breaks half-way
         with torch.inference_mode():
             out = self._folder.model(
                 input_ids=torch.tensor([list(tokens)], device=self._folder.device),
@@ -115,11 +116,11 @@ class Memory:
                 logits_to_keep=1,
             )
         self.logits = out.logits[0, -1].float()
-        self.tokens += tokens
+        self.tokens = [*known, *tokens]
 
     def _keep(self, length: int) -> None:
         """Forget what comes after the first `length` tokens, or all where that cannot be done."""
-        if length == len(self.tokens):
+        if length == len(self.tokens) > 0:
             return
         if length and self.cache.is_croppable:
             self.cache.crop(length - len(self.tokens))

@@ -1,7 +1,8 @@
 """`hf:PATH`: the model writes its answer token by token, and can only write what the schema admits.
 
-Constrained decoding as in the paper: at each token the grammar of the schema says which ones may
-follow (llguidance); where only one text may follow, it is read and not asked for.
+Constrained decoding as in the paper: at each token a grammar says which ones may follow
+(llguidance); where only one text may follow, it is read and not asked for. Beyond the schema, no
+pair may be written twice.
 """
 
 from __future__ import annotations
@@ -17,13 +18,14 @@ from sandra.rankers.bounded import Deadline
 from sandra.rankers.client import Problem
 from sandra.rankers.endpoint import Exchange, Question
 from sandra.rankers.local.folder import Folder, Memory
+from sandra.rankers.local.grammar import grammar_of
 from sandra.rankers.local.packages import package
 from sandra.rankers.local.question import BUSY, MOST_TOKENS, messages_of, schema_of
 from sandra.rankers.stream import Reply
 from sandra.rankers.usage import Usage
 
 _FORM = {"whitespace_flexible": False, "item_separator": ", ", "key_separator": ": "}
-"""As `json.dumps` writes it: where any white space will do, a small model writes nothing else."""
+"""As `json.dumps` writes it; see `grammar_of`."""
 
 
 class Generating:
@@ -45,7 +47,7 @@ class Generating:
     def ask(self, question: Question, deadline: Deadline, exchange: Exchange) -> Problem | Reply:
         """See `Asks`."""
         tokens = self._folder.tokens_of(self._folder.text_of(messages_of(question)))
-        matcher = self._matcher(schema_of(question))
+        matcher = self._matcher(question)
         reply = Reply(begun=True)
         with self._folder.turns.turn(deadline) as mine:
             if not mine:
@@ -58,12 +60,18 @@ class Generating:
                 self._write(memory, matcher, reply, deadline)
         return reply
 
-    def _matcher(self, schema: dict[str, Any] | None) -> Any:
+    def _matcher(self, question: Question) -> Any:
         """What says which tokens may follow; without a schema None."""
+        schema = schema_of(question)
         if schema is None:
             return None
-        grammar = self._guide.grammar_from_json_schema(json.dumps(schema), overrides=_FORM)
-        return self._guide(self._guided, grammar)
+        rules = grammar_of(schema)
+        if rules is None:
+            text = json.dumps(schema)
+            return self._guide(
+                self._guided, self._guide.grammar_from_json_schema(text, overrides=_FORM)
+            )
+        return self._guide(self._guided, self._guide.grammar_from_lark(rules))
 
     def _write(self, memory: Memory, matcher: Any, reply: Reply, deadline: Deadline) -> None:
         draw = random.Random(self._seed)

@@ -1,14 +1,17 @@
 """`gguf:PATH`: a GGUF file in this process, through llama.cpp.
 
-The answer is constrained to the schema by a grammar. The prompt is read in small batches, and
-after each batch and each token it is looked whether the deadline has passed: a question that nobody
-waits for any more leaves the model free for the next one within a batch's time.
+The answer is constrained to the schema by a grammar, in which moreover no pair may be written
+twice. The prompt is read in small batches, and after each batch and each token it is looked whether
+the deadline has passed: a question that nobody waits for any more leaves the model free for the
+next one within a batch's time.
 """
 
 from __future__ import annotations
 
 import json
+import os
 import secrets
+import threading
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -17,6 +20,7 @@ from sandra.errors import RankerError
 from sandra.rankers.bounded import Deadline
 from sandra.rankers.client import Problem
 from sandra.rankers.endpoint import Exchange, Question
+from sandra.rankers.local.grammar import grammar_of
 from sandra.rankers.local.packages import package
 from sandra.rankers.local.question import BUSY, MOST_TOKENS, messages_of, schema_of
 from sandra.rankers.local.turns import Turns
@@ -34,7 +38,7 @@ class LlamaCpp:
 
     Args:
         path: the GGUF file.
-        threads: default one per core.
+        threads: default OMP_NUM_THREADS, else one per core.
         context: see `CONTEXT`.
 
     Raises:
@@ -52,9 +56,10 @@ class LlamaCpp:
         parameters.warmup = False
         # It always opens a port on loopback too; nobody knows the key.
         parameters.api_keys = [secrets.token_hex(32)]
-        if threads is not None:
-            parameters.cpuparams.n_threads = threads
-            parameters.cpuparams_batch.n_threads = threads
+        number = threads or _usual_threads()
+        if number is not None:
+            parameters.cpuparams.n_threads = number
+            parameters.cpuparams_batch.n_threads = number
         try:
             self._server = llama.Server(parameters)
         except RuntimeError as error:
@@ -106,6 +111,9 @@ def _loaded(path: Path, changed: int, threads: int | None, context: int) -> Llam
     return LlamaCpp(path, threads, context)
 
 
+_loading = threading.Lock()
+
+
 def llama(path: str, *, threads: int | None = None, context: int = CONTEXT) -> LlamaCpp:
     """The model in a file; the last two that were used stay loaded.
 
@@ -121,7 +129,14 @@ def llama(path: str, *, threads: int | None = None, context: int = CONTEXT) -> L
         raise RankerError(f"gguf: {path} cannot be read ({error.strerror})") from None
     if not is_gguf:
         raise RankerError(f"gguf: {path} is no GGUF file")
-    return _loaded(file, changed, threads, context)
+    with _loading:
+        return _loaded(file, changed, threads, context)
+
+
+def _usual_threads() -> int | None:
+    """As PyTorch and others take it from the environment."""
+    text = os.environ.get("OMP_NUM_THREADS", "").strip()
+    return int(text) if text.isdecimal() and int(text) > 0 else None
 
 
 def _body(question: Question, sampling: dict[str, Any]) -> dict[str, Any]:
@@ -136,7 +151,10 @@ def _body(question: Question, sampling: dict[str, Any]) -> dict[str, Any]:
         **sampling,
     }
     schema = schema_of(question)
-    if schema is not None:
+    rules = None if schema is None else grammar_of(schema)
+    if rules is not None:
+        body["grammar"] = f"%llguidance {{}}\n{rules}"
+    elif schema is not None:
         schema = {"name": "ranking", "strict": True, "schema": schema}
         body["response_format"] = {"type": "json_schema", "json_schema": schema}
     return body

@@ -19,9 +19,8 @@ from __future__ import annotations
 
 import copy
 import json
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +41,10 @@ NEUTRAL = "There is no information about the environment."
 
 Scores = dict[ActionPair, float]
 """Log-likelihood of each feasible pair, calibrated."""
+Way = tuple[int, ...]
+"""The tokens of a pair, or the first of them."""
+Logits = dict[Way, NDArray[np.float64]]
+"""After each of these beginnings."""
 
 
 class ScoreRanker:
@@ -97,16 +100,18 @@ class ScoreRanker:
         if memory is None or self._folder.turns.over(deadline):
             return None
         ways = [tuple(tokens[shared:]) for tokens in written]
-        logits = self._after_each(memory, ways)
         if self.calibrate == "none":
-            return _sums(ways, logits)
-        return _among_alternatives(ways, logits)
+            return _sums(ways, self._after(memory, {w[:i] for w in ways for i in range(len(w))}))
+        return _among_alternatives(ways, self._after(memory, set(_forks(ways))))
 
-    def _after_each(
-        self, memory: Memory, ways: Sequence[tuple[int, ...]]
-    ) -> dict[tuple[int, ...], NDArray[np.float64]]:
-        """The logits after each beginning of a way, from one forward pass for all of them."""
+    def _after(self, memory: Memory, places: Set[Way]) -> Logits:
+        """The logits after each of these beginnings, from one forward pass for all of them."""
         torch = self._folder.torch
+        found: Logits = {(): memory.logits.cpu().numpy().astype(np.float64)}
+        longer = {place[:end] for place in places for end in range(len(place))}
+        ways = sorted(places - longer - {()})
+        if not ways:
+            return found
         longest = max(len(way) for way in ways)
         rows = [[*way, *[0] * (longest - len(way))] for way in ways]
         cache = copy.deepcopy(memory.cache)
@@ -118,10 +123,8 @@ class ScoreRanker:
                 use_cache=True,
             )
         logits = out.logits.float().cpu().numpy().astype(np.float64)
-        found: dict[tuple[int, ...], NDArray[np.float64]]
-        found = {(): memory.logits.cpu().numpy().astype(np.float64)}
         for way, row in zip(ways, logits, strict=True):
-            for end in range(1, len(way)):
+            for end in range(1, len(way) + 1):
                 found.setdefault(way[:end], row[end - 1])
         return found
 
@@ -190,7 +193,16 @@ def _same(a: Sequence[int], b: Sequence[int]) -> int:
     return length
 
 
-def _sums(ways: Sequence[tuple[int, ...]], logits: dict[Any, Any]) -> NDArray[np.float64]:
+def _forks(ways: Sequence[Way]) -> dict[Way, list[int]]:
+    """Where several tokens may follow, and which ones."""
+    after: dict[Way, set[int]] = {}
+    for way in ways:
+        for i, token in enumerate(way):
+            after.setdefault(way[:i], set()).add(token)
+    return {place: sorted(tokens) for place, tokens in after.items() if len(tokens) > 1}
+
+
+def _sums(ways: Sequence[Way], logits: Logits) -> NDArray[np.float64]:
     """Of the log-likelihoods of all tokens: short ways are favoured."""
     return np.array(
         [
@@ -200,15 +212,14 @@ def _sums(ways: Sequence[tuple[int, ...]], logits: dict[Any, Any]) -> NDArray[np
     )
 
 
-def _among_alternatives(
-    ways: Sequence[tuple[int, ...]], logits: dict[Any, Any]
-) -> NDArray[np.float64]:
+def _among_alternatives(ways: Sequence[Way], logits: Logits) -> NDArray[np.float64]:
     """Of the log-likelihoods of tokens among those that may follow; the exponentials sum to 1."""
+    forks = _forks(ways)
     found = np.zeros(len(ways))
     for row, way in enumerate(ways):
         for i, token in enumerate(way):
-            others = sorted({w[i] for w in ways if w[:i] == way[:i] and len(w) > i})
-            if len(others) > 1:
+            others = forks.get(way[:i])
+            if others is not None:
                 here = logits[way[:i]]
                 found[row] += here[token] - _log_sum(here[others])
     return found
