@@ -150,6 +150,26 @@ def test_a_ranking_in_which_nothing_holds_is_answered_with_the_reasons() -> None
     assert shown == [*decision.ranking.pairs, *(ActionPair.of(*pair) for pair in LEFT)]
 
 
+@pytest.mark.parametrize("mode", ["rank", "repair"])
+@pytest.mark.parametrize("walk", ["ranked", "first", "all"])
+def test_verdicts_found_while_the_ranking_is_written_are_those_found_afterwards(
+    walk: str, mode: str
+) -> None:
+    wish = [*LEFT[:1], ("keep", "follow-lane"), ("decelerate", "follow-lane")]
+    options = {"walk": walk, "mode": mode, "horizon": 6}
+    with slow_server(Pace(rank=2.0, preference=wish)) as server:
+        written = sandra.decide(SCENE, "openai:m", base_url=server.url, **options)
+    at_once = sandra.decide(SCENE, Scripted([f"{lon},{lat}" for lon, lat in wish]), **options)
+    assert written.ranking.pairs == at_once.ranking.pairs
+    first, second = (
+        [(v.pair, v.status, v.reason, v.first_empty_step) for v in decision.verdicts]
+        for decision in (written, at_once)
+    )
+    assert first == second
+    assert written.maneuver.pair == at_once.maneuver.pair
+    assert written.maneuver.states.tolist() == at_once.maneuver.states.tolist()
+
+
 class Scripted:
     """Answers one after the other; the last one is repeated."""
 

@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -215,13 +216,22 @@ def test_the_commands_tell_the_cost(
 
 def test_the_table_tells_the_cost(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("highway_env")
-    with chat_server(stream(ALL, usage=TOLD)) as server:
-        words = ["--rows", "openai:m/set-based/no-rules/paper slower", "--ranker", "openai:m"]
+    number = stream("so be it\n#### 4", usage=TOLD)
+
+    def play(request: dict[str, Any]) -> Play:
+        return stream(ALL, usage=TOLD) if request["model"] == "m" else number
+
+    with chat_server() as server:
+        server.answer = play
+        words = ["--rows", "openai:m/set-based/no-rules/paper slower dilu*"]
+        words += ["--ranker", "openai:m", "--driver", "dilu:n"]
         words += ["--base-url", server.url, "--out", str(tmp_path), "--settings", "1"]
         assert main(["evaluate", "closed-loop", *words]) == 0
     output = capsys.readouterr()
-    asked = len(server.requests)
+    models = [request["model"] for request in server.requests]
+    asked, driven = models.count("m"), models.count("n")
     assert f"cost of openai:m: {asked} requests; {asked * 900} tokens read" in output.err
+    assert f"cost of dilu:n: {driven} requests; {driven * 900} tokens read" in output.err
     rows = json.loads((tmp_path / "table.json").read_text(encoding="utf-8"))["rows"]
     usages = {row["row"]: row["usage"] for row in rows}
     assert usages["slower"] is None

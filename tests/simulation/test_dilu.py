@@ -286,5 +286,7 @@ def test_a_row_of_the_closed_loop_table(
     assert slower.pop("row") == "slower"
     assert dilu.pop("row").startswith("dilu:m")
     assert (slower.pop("paper"), dilu.pop("paper")["method"]) == (None, "DiLu")
+    assert slower.pop("usage") is None
+    assert dilu.pop("usage")["requests"] == dilu["episodes"] * 30
     assert slower == dilu
     assert len(server.asked) == 30

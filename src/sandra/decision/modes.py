@@ -6,18 +6,25 @@ what was asked, what was answered, and the verdicts. A further mode is a further
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 from sandra.actions import ALL_PAIRS, ActionPair
 from sandra.decision.judge import Judge
 from sandra.decision.stages import Clock, Meanwhile
 from sandra.describe import Prompt, answered, narrow
-from sandra.rankers import Failure, Ranker, Ranking, begin, both, total
+from sandra.rankers import Failure, Ranker, Ranking, asking, begin, both, total
+from sandra.rankers.ahead import Asking
 from sandra.reach import Status, Verdict
 
 MODES = ("rank", "exhaustive", "verify-first", "repair")
 WALKS = ("ranked", "first", "all")
+
+LOOK = 0.02
+"""Pause between two looks at a ranking that is being written [s]."""
+Early = Mapping[ActionPair, tuple[Verdict, Verdict]]
+"""Verdicts found while the ranking was written: without and with the search for a certificate."""
 
 UNUSABLE = (Failure.EMPTY, Failure.MALFORMED, Failure.TRUNCATED, Failure.INFEASIBLE)
 """Answers without a pair that are worth a second question (mode repair)."""
@@ -42,16 +49,17 @@ def rank_first(
     clock: Clock,
 ) -> Walked:
     """The paper's order: a ranking of all that is feasible, then verdicts on what was ranked."""
-    waiting = Meanwhile(lambda: ranker.rank(prompt, deadline), ranker.name)
+    asked, waiting = _put(ranker, prompt, deadline)
     # While somebody thinks about the ranking, all is prepared that does not depend on it.
     judge = prepare()
     with clock.stage("plan"):
         if not waiting.done:
             judge.fail_safe_now()
+    early = _as_it_is_written(judge, asked, prompt, waiting, clock)
     clock.tell("rank")
     ranking = waiting.result()
     clock.durations["rank"] = waiting.duration
-    verdicts = _walk(judge, ranking.pairs, walk, clock)
+    verdicts = _walk(judge, ranking.pairs, walk, clock, early)
     return Walked(prompt, ranking, verdicts, judge)
 
 
@@ -73,8 +81,9 @@ def repair(
     again = _second_question(first)
     if again is None or left <= 0.0:
         return first
+    asked, waiting = _put(ranker, again, left)
+    early = _as_it_is_written(first.judge, asked, again, waiting, clock)
     clock.tell("rank")
-    waiting = Meanwhile(lambda: ranker.rank(again, left), ranker.name)
     ranking = waiting.result()
     clock.durations["rank"] += waiting.duration
     usage = total((first.ranking.usage, ranking.usage))
@@ -91,7 +100,7 @@ def repair(
     if walk == "all":
         verdicts = tuple(known.pop(pair) for pair in ranking.pairs)
     else:
-        verdicts = _walk(first.judge, ranking.pairs, walk, clock)
+        verdicts = _walk(first.judge, ranking.pairs, walk, clock, early)
     note = f"asked again: {why}"
     recorded = both(first.ranking.recorded_s, ranking.recorded_s)
     warnings = (note, *ranking.warnings)
@@ -164,49 +173,102 @@ def _in_order(verdicts: Sequence[Verdict], ranked: Sequence[ActionPair]) -> tupl
     return (*first, *(v for v in verdicts if v.pair not in ranked))
 
 
+def _put(
+    ranker: Ranker, prompt: Prompt, seconds: float
+) -> tuple[Asking | None, Meanwhile[Ranking]]:
+    """A question that has been put, and its ranking that is waited for."""
+    asked = asking(ranker, prompt, seconds)
+
+    def ranking() -> Ranking:
+        return ranker.rank(prompt, seconds) if asked is None else asked.ranking(prompt)
+
+    return asked, Meanwhile(ranking, ranker.name)
+
+
+def _as_it_is_written(
+    judge: Judge,
+    asked: Asking | None,
+    prompt: Prompt,
+    waiting: Meanwhile[Ranking],
+    clock: Clock,
+) -> Early:
+    """Verdicts on pairs that have arrived, in their order, while the rest is written.
+
+    Until one of them holds: just what would be done afterwards, and a verdict does not depend on
+    when it is found. So a ranking that is cut off by the deadline keeps nobody waiting for it.
+    """
+    found: dict[ActionPair, tuple[Verdict, Verdict]] = {}
+    while asked is not None and not waiting.done:
+        new = [pair for pair in asked.so_far(prompt) if pair not in found]
+        if not new or any(judge.holds(certified) for _, certified in found.values()):
+            waiting.wait(LOOK)
+            continue
+        with clock.stage("verify"):
+            (verdict,) = judge.verify(new[:1])
+        with clock.stage("plan"):
+            found[verdict.pair] = (verdict, judge.certify(verdict))
+    return found
+
+
 def _walk(
-    judge: Judge, ranked: Sequence[ActionPair], walk: str, clock: Clock
+    judge: Judge,
+    ranked: Sequence[ActionPair],
+    walk: str,
+    clock: Clock,
+    early: Early = MappingProxyType({}),
 ) -> tuple[Verdict, ...]:
-    """Verdicts after a ranking: of ranked pairs first."""
+    """Verdicts after a ranking: of ranked pairs first. `early`: those that are known already."""
     if walk == "first":
-        return _up_to_the_first(judge, ranked, clock)
+        return _up_to_the_first(judge, ranked, clock, early)
     with clock.stage("verify"):
-        verdicts = _verified(judge, ranked, walk)
+        verdicts = _verified(judge, ranked, walk, early)
     with clock.stage("plan"):
-        return _certified(judge, verdicts, ranked, walk)
+        return _certified(judge, verdicts, ranked, walk, early)
 
 
-def _verified(judge: Judge, ranked: Sequence[ActionPair], walk: str) -> tuple[Verdict, ...]:
-    found = judge.verify(ranked)
+def _verified(
+    judge: Judge, ranked: Sequence[ActionPair], walk: str, early: Early
+) -> tuple[Verdict, ...]:
+    new = judge.verify([pair for pair in ranked if pair not in early])
+    known = {verdict.pair: verdict for verdict in (*new, *(v for v, _ in early.values()))}
+    found = tuple(known[pair] for pair in ranked)
     if walk == "all":
         found += judge.verify([pair for pair in ALL_PAIRS if pair not in ranked])
     return found
 
 
 def _up_to_the_first(
-    judge: Judge, ranked: Sequence[ActionPair], clock: Clock
+    judge: Judge, ranked: Sequence[ActionPair], clock: Clock, early: Early
 ) -> tuple[Verdict, ...]:
     """Verify, and certify where that is asked for, one after the other until one holds."""
     found: list[Verdict] = []
     for pair in ranked:
-        with clock.stage("verify"):
-            (verdict,) = judge.verify([pair])
-        with clock.stage("plan"):
-            found.append(judge.certify(verdict))
+        if pair in early:
+            found.append(early[pair][1])
+        else:
+            with clock.stage("verify"):
+                (verdict,) = judge.verify([pair])
+            with clock.stage("plan"):
+                found.append(judge.certify(verdict))
         if judge.holds(found[-1]):
             break
     return tuple(found)
 
 
 def _certified(
-    judge: Judge, verdicts: Sequence[Verdict], ranked: Sequence[ActionPair], walk: str
+    judge: Judge,
+    verdicts: Sequence[Verdict],
+    ranked: Sequence[ActionPair],
+    walk: str,
+    early: Early,
 ) -> tuple[Verdict, ...]:
     """Certify in the order of the ranking; unless all are asked for, until one is certified."""
     found: list[Verdict] = []
     done = False
     for verdict in verdicts:
         if not done or walk == "all":
-            verdict = judge.certify(verdict)
+            known = early.get(verdict.pair)
+            verdict = judge.certify(verdict) if known is None else known[1]
         done = done or (judge.holds(verdict) and verdict.pair in ranked)
         found.append(verdict)
     return tuple(found)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future
+from concurrent.futures import Future, wait
 from contextlib import contextmanager
 from typing import Generic, TypeVar
 
@@ -67,6 +67,10 @@ class Meanwhile(Generic[T]):
     def done(self) -> bool:
         """Whether the result is there."""
         return self._future.done()
+
+    def wait(self, seconds: float) -> None:
+        """Wait for the result, but no longer than this."""
+        wait((self._future,), seconds)
 
     def result(self) -> T:
         """Wait for the result; whatever the work raised is raised here."""

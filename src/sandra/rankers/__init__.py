@@ -1,6 +1,6 @@
 """Prompt -> Ranking: who proposes, and in which order the verifier looks."""
 
-from sandra.rankers.ahead import Ahead, begin
+from sandra.rankers.ahead import Ahead, asking, begin
 from sandra.rankers.answer import parse_answer
 from sandra.rankers.registry import CHOICES, as_ranker, ask, create
 from sandra.rankers.types import Failure, Ranker, Ranking
@@ -15,6 +15,7 @@ __all__ = [
     "Usage",
     "as_ranker",
     "ask",
+    "asking",
     "begin",
     "both",
     "create",

@@ -1,10 +1,12 @@
-"""Rankers that begin to think before it is known which pairs hold (mode verify-first)."""
+"""Rankers that begin to think before it is known which pairs hold (mode verify-first), and those
+whose ranking can be read while it is written."""
 
 from __future__ import annotations
 
 import time
 from typing import Protocol
 
+from sandra.actions import ActionPair
 from sandra.describe.types import Prompt
 from sandra.rankers.types import Ranker, Ranking
 
@@ -49,6 +51,25 @@ class Later:
 
     def stop(self) -> None:
         """See `Ahead`."""
+
+
+class Asking(Protocol):
+    """A question that has been put, and whose answer can be looked at while it is written."""
+
+    def so_far(self, prompt: Prompt) -> tuple[ActionPair, ...]:
+        """The pairs that have arrived; the ranking may still come to others."""
+        ...
+
+    def ranking(self, prompt: Prompt) -> Ranking:
+        """The ranking, waited for until the deadline."""
+        ...
+
+
+def asking(ranker: Ranker, prompt: Prompt, deadline: float) -> Asking | None:
+    """Put a question to a ranker that has a method `asking`; None: it has none."""
+    own = getattr(ranker, "asking", None)
+    asked: Asking | None = own(prompt, deadline) if callable(own) else None
+    return asked
 
 
 def begin(ranker: Ranker, prompt: Prompt, deadline: float | None = None) -> Ahead:

@@ -68,6 +68,11 @@ def parse_answer(text: str, prompt: Prompt, ranker: str, *, ended_early: bool = 
     return result
 
 
+def pairs_so_far(text: str, prompt: Prompt) -> tuple[ActionPair, ...]:
+    """The pairs in an answer that is still being written, as far as they are complete."""
+    return _pairs_of(_begun_ranking(text[:MAX_ANSWER]) or [], prompt)[0]
+
+
 def parse_reasoning(text: str) -> str | None:
     """The reasoning in an answer that need not hold a ranking; without JSON the whole text."""
     found = [v["reasoning"] for v in _objects(text) if isinstance(v.get("reasoning"), str)]

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from sandra.actions import ActionPair
 from sandra.describe import only
 from sandra.describe.outside import one_line
 from sandra.describe.types import Prompt
 from sandra.errors import RankerError
-from sandra.rankers.answer import parse_answer, parse_reasoning
+from sandra.rankers.answer import pairs_so_far, parse_answer, parse_reasoning
 from sandra.rankers.bounded import Deadline, Running
 from sandra.rankers.client import Problem
 from sandra.rankers.endpoint import Asks, Endpoint, Exchange, Question
@@ -66,9 +67,13 @@ class ChatRanker:
 
         Pairs that had arrived by the deadline are kept, with the failure TIMEOUT.
         """
+        return self.asking(prompt, deadline).ranking(prompt)
+
+    def asking(self, prompt: Prompt, deadline: float | None = None) -> Asked:
+        """Put the question of `rank`, and look at the answer while it is written."""
         seconds = self.deadline if deadline is None else deadline
         question = Question(prompt.system, (("user", prompt.user),), prompt.schema)
-        return Asked(self._endpoint, self.name, question, seconds).ranking(prompt)
+        return Asked(self._endpoint, self.name, question, seconds)
 
     def begin(self, prompt: Prompt, deadline: float | None = None) -> Reasoning:
         """Let the model read and reason already; see `Reasoning`."""
@@ -164,6 +169,11 @@ class Asked:
         if ranking.failure is None:
             self.exchange.keep()
         return replace(ranking, usage=self.exchange.usage, recorded_s=self.exchange.recorded)
+
+    def so_far(self, prompt: Prompt) -> tuple[ActionPair, ...]:
+        """The pairs that have arrived; `ranking` may still come to others."""
+        reply = self.exchange.reply
+        return () if reply is None else pairs_so_far(reply.text, prompt)
 
     def _ranking(self, prompt: Prompt) -> Ranking:
         outcome = self.running.wait(self.deadline.left)

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit, urlunsplit
 
 from sandra.errors import RankerError
-from sandra.rankers.secret import Secret, veil_logs
+from sandra.rankers.secret import NO_KEY, Secret, veil_logs
 from sandra.rankers.types import Failure
 
 if TYPE_CHECKING:
@@ -89,7 +89,7 @@ def client_for(base_url: str | None, server: str = "OPENAI") -> openai.OpenAI:
     )
     # Retries and the deadline are kept here: the library's are per attempt.
     return openai.OpenAI(
-        api_key=key or "not-needed",
+        api_key=key or NO_KEY,
         base_url=address,
         max_retries=0,
         http_client=http,

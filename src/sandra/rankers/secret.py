@@ -12,6 +12,8 @@ import logging
 SHORTEST = 8
 """Shorter keys are placeholders such as "EMPTY", and words of ordinary text [characters]."""
 HIDDEN = "[key]"
+NO_KEY = "not-needed"
+"""Sent to servers that want none."""
 
 _LOGGERS = (
     "httpcore2.connection",
@@ -30,7 +32,8 @@ class Secret:
     """Takes one key out of texts; its own text and `repr` do not tell it."""
 
     def __init__(self, key: str | None = None) -> None:
-        self._key = key if key is not None and len(key) >= SHORTEST else None
+        known = key is not None and key != NO_KEY and len(key) >= SHORTEST
+        self._key = key if known else None
 
     def __call__(self, text: str) -> str:
         """`text` without the key; at its end also without a key that is cut off."""

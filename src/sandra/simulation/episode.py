@@ -16,6 +16,7 @@ from sandra.actions import ActionPair
 from sandra.decider import Decider, Operation
 from sandra.decision import Decision
 from sandra.errors import ScenarioError
+from sandra.rankers import Usage, total
 from sandra.scene.highway import Observer
 from sandra.simulation.highway import Environment
 from sandra.simulation.recording import Recorder, Recording
@@ -64,6 +65,13 @@ class Episode:
     ticks_per_step: int
     planned_steps: int
     ended: str | None
+    driver_usage: Usage | None = None
+    """What a driver that asks a server by itself has cost."""
+
+    @property
+    def usage(self) -> Usage | None:
+        """What all that was asked of servers has cost; None if nothing was."""
+        return total((self.driver_usage, *(step.decision.ranking.usage for step in self.steps)))
 
     @property
     def crashed(self) -> bool:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from dataclasses import asdict, dataclass, field, fields
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
 from sandra.actions import ActionPair
@@ -14,7 +14,7 @@ from sandra.evaluation.closed_loop.metrics import Convention
 from sandra.planning import Weights
 from sandra.rankers import Ranker, create
 from sandra.rankers.client import address_of
-from sandra.rankers.usage import Usage, cost, load_prices, total
+from sandra.rankers.usage import Usage, cost, load_prices
 from sandra.settings import Settings
 from sandra.simulation.episode import Episode, Step, drive
 from sandra.simulation.highway import SETTINGS, Environment, Traffic, highway
@@ -123,10 +123,14 @@ class Drive:
             max_concurrent=self.max_concurrent,
         )
 
-    def cost(self, usages: Iterable[Usage | None]) -> dict[str, Any] | None:
+    @property
+    def asks(self) -> str:
+        """Who ranks, or drives by itself, by the name that a price has."""
+        return self.ranker if self.driver is None else self.driver.partition("@")[0]
+
+    def cost(self, usage: Usage | None) -> dict[str, Any] | None:
         """What was asked of a server and its price, for JSON; None where no server was asked."""
-        prices = {} if self.prices is None else load_prices(self.prices)
-        return cost(total(usages), self.ranker, prices)
+        return cost(usage, self.asks, {} if self.prices is None else load_prices(self.prices))
 
     def decider(self) -> Decider:
         """Who decides, without any memory yet."""
@@ -192,7 +196,8 @@ def play(
             world, seed, driver, name=name, steps=how.steps, setting=setting
         )
         ticks = world.traffic.ticks
-        return unverified(recording, played, ticks, how.settings, convention=whole)
+        episode, found = unverified(recording, played, ticks, how.settings, convention=whole)
+        return replace(episode, driver_usage=getattr(driver, "usage", None)), found
     if how.execution == "meta":
         episode = drive_meta(
             how.world(),

@@ -33,9 +33,9 @@ class Entry:
     """What was asked of a server; None if none was."""
 
     @property
-    def ranker(self) -> str:
-        """Who ranked in its episodes."""
-        return self.row.drives[0].ranker
+    def asks(self) -> str:
+        """Who ranked, or drove by itself, in its episodes."""
+        return self.row.drives[0].asks
 
 
 def main_cells(entry: Entry) -> tuple[str, ...]:

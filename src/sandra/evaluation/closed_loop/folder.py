@@ -109,7 +109,7 @@ class RunFolder:
             "seed": seed,
             **found.to_dict(),
             "told": found.told(),
-            "cost": how.cost(step.decision.ranking.usage for step in episode.steps),
+            "cost": how.cost(episode.usage),
             "crashed": {str(i): tick for i, tick in recording.crashed.items()},
             "ticks": len(recording.ego) - 1,
             "ticks_per_step": episode.ticks_per_step,

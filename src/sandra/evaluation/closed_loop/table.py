@@ -57,10 +57,10 @@ class Table:
         )
 
     def usages(self) -> dict[str, Usage]:
-        """What was asked of servers, by ranker."""
-        rankers = dict.fromkeys(e.ranker for e in self.entries)
-        found = {r: total(e.usage for e in self.entries if e.ranker == r) for r in rankers}
-        return {ranker: usage for ranker, usage in found.items() if usage is not None}
+        """What was asked of servers, by who asked."""
+        names = dict.fromkeys(e.asks for e in self.entries)
+        found = {name: total(e.usage for e in self.entries if e.asks == name) for name in names}
+        return {name: usage for name, usage in found.items() if usage is not None}
 
     def main(self) -> Sheet:
         """The paper's metrics, with the paper's rows, and beside our rows those of the paper."""

@@ -17,6 +17,7 @@ from sandra.rankers.bounded import Deadline, run_within
 from sandra.rankers.client import Problem
 from sandra.rankers.endpoint import Endpoint, Exchange, Question
 from sandra.rankers.types import Failure
+from sandra.rankers.usage import Usage
 from sandra.simulation.dilu.embedding import Embedding, HashedWords
 from sandra.simulation.dilu.memory import Experience, Memory, load
 from sandra.simulation.dilu.scene import view
@@ -102,12 +103,14 @@ class DiLu:
         self.memory = Memory(load() if items is None else items, embedding or HashedWords())
         self.choices: list[Choice] = []
         """Of the episode, one for each time that the model was asked."""
+        self.usage = Usage()
+        """What the episode has cost, without embeddings."""
         self._endpoint = Endpoint(model, base_url, {"temperature": 0.0})
         self._step = 0
 
     def start(self, world: Environment) -> None:
         """Forget the episode before; what is in memory stays."""
-        self.choices, self._step = [], 0
+        self.choices, self._step, self.usage = [], 0, Usage()
 
     def action(self, world: Environment) -> str:
         """The meta-action of the next decision step.
@@ -168,6 +171,7 @@ class DiLu:
         outcome = run_within(
             deadline.left, lambda: self._endpoint.ask(question, deadline, exchange), self.name
         )
+        self.usage += exchange.usage
         if outcome.error is not None:
             return Problem(Failure.INTERNAL, outcome.error)
         reply = outcome.value
