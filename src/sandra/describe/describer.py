@@ -10,6 +10,7 @@ from sandra.actions import ActionPair, Lateral, Longitudinal
 from sandra.describe.facts import situation
 from sandra.describe.outside import one_line
 from sandra.describe.schema import answer_schema
+from sandra.describe.templates import Templates
 from sandra.describe.types import Prompt
 from sandra.describe.wording import ego_text, narrowed_text, obstacles_text, rules_text, system_text
 from sandra.scene.types import Scene
@@ -44,18 +45,20 @@ def describe(
     k = min(settings.k, len(feasible))
     wish = one_line(command) if command else ""
     recent = tuple(past)[-settings.history :] if settings.history else ()
+    words = Templates()
     facts = situation(scene, feasible, wish or None, recent, settings.horizon * scene.dt)
-    paragraphs = [ego_text(scene, facts), obstacles_text(facts, settings)]
+    paragraphs = [ego_text(words, scene, facts), obstacles_text(words, facts, settings)]
     if rule_prompt and rules:
-        paragraphs.append(rules_text(facts, rules, settings))
+        paragraphs.append(rules_text(words, facts, rules, settings))
     return Prompt(
-        system=system_text(facts, longitudinal, lateral, k, settings),
+        system=system_text(words, facts, longitudinal, lateral, k, settings),
         user="\n".join(paragraphs),
         schema=answer_schema(feasible, k),
         k=k,
         longitudinal=longitudinal,
         lateral=lateral,
         situation=facts,
+        templates=words,
     )
 
 
@@ -87,7 +90,7 @@ def narrow(prompt: Prompt, pairs: Collection[ActionPair]) -> Prompt:
     if not left or len(left) < len(set(pairs)):
         raise ValueError("a prompt can only be narrowed to some of its own pairs, at least one")
     k = min(prompt.k, len(left))
-    narrowing = narrowed_text(left, k)
+    narrowing = narrowed_text(prompt.templates, left, k)
     return replace(
         prompt,
         user=f"{prompt.user}\n{narrowing}",

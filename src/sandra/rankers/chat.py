@@ -15,7 +15,7 @@ from sandra.describe.types import Prompt
 from sandra.errors import RankerError
 from sandra.rankers.answer import parse_answer, parse_reasoning
 from sandra.rankers.bounded import Deadline, Running
-from sandra.rankers.endpoint import Endpoint, Problem, Question
+from sandra.rankers.endpoint import Content, Endpoint, Problem, Question
 from sandra.rankers.stream import Reply
 from sandra.rankers.types import Failure, Ranking
 
@@ -50,6 +50,7 @@ class ChatRanker:
         if not 0.0 < deadline < float("inf"):
             raise RankerError(f"openai: deadline = {deadline} must be a finite number > 0 [s]")
         self.name = f"openai:{model}"
+        self.takes_pictures = True
         self.deadline = deadline
         options = {"temperature": temperature, "seed": seed}
         given = {name: value for name, value in options.items() if value is not None}
@@ -61,7 +62,7 @@ class ChatRanker:
         Pairs that had arrived by the deadline are kept, with the failure TIMEOUT.
         """
         seconds = self.deadline if deadline is None else deadline
-        question = Question(prompt.system, (("user", prompt.user),), prompt.schema)
+        question = Question(prompt.system, (("user", content_of(prompt)),), prompt.schema)
         return Asked(self._endpoint, self.name, question, seconds).ranking(prompt)
 
     def begin(self, prompt: Prompt, deadline: float | None = None) -> Reasoning:
@@ -69,6 +70,14 @@ class ChatRanker:
         return Reasoning(
             self._endpoint, self.name, prompt, self.deadline if deadline is None else deadline
         )
+
+
+def content_of(prompt: Prompt) -> Content:
+    """The user's message: the text, followed by the picture if the prompt has one."""
+    if prompt.picture is None:
+        return prompt.user
+    url = {"url": prompt.picture.data_url}
+    return [{"type": "text", "text": prompt.user}, {"type": "image_url", "image_url": url}]
 
 
 class Reasoning:
@@ -82,7 +91,7 @@ class Reasoning:
     def __init__(self, endpoint: Endpoint, name: str, prompt: Prompt, seconds: float) -> None:
         self._endpoint, self._name, self._prompt = endpoint, name, prompt
         schema = only(prompt.schema, "reasoning")
-        question = Question(prompt.system, (("user", prompt.user),), schema)
+        question = Question(prompt.system, (("user", content_of(prompt)),), schema)
         self._first = Asked(endpoint, name, question, seconds)
         self._second: Asked | None = None
 
@@ -105,7 +114,11 @@ class Reasoning:
             return whole
         if whole.failure is None and not whole.warnings:
             return whole  # A server without structured outputs: it has ranked pairs that hold.
-        turns = (("user", self._prompt.user), ("assistant", text), ("user", prompt.narrowing))
+        turns = (
+            ("user", content_of(self._prompt)),
+            ("assistant", text),
+            ("user", prompt.narrowing),
+        )
         question = Question(prompt.system, turns, only(prompt.schema, "ranking"))
         left = self._first.seconds - self._first.running.duration
         self._second = Asked(self._endpoint, self._name, question, left, self._first.seconds)

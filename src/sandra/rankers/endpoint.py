@@ -30,15 +30,19 @@ _OPENAI_HOST = "api.openai.com"
 _PASSING = (Failure.RATE_LIMITED, Failure.SERVER_ERROR, Failure.UNREACHABLE)
 
 
+Content = str | list[dict[str, Any]]
+
+
 @dataclass(frozen=True, slots=True)
 class Question:
-    """System text, then turns of (role, text), and the schema of the answer to the last one.
+    """System text, then turns of (role, content), and the schema of the answer to the last one.
 
-    Without a schema (None) any text will do.
+    A content is a text, or a list of parts as the chat format has it. Without a schema (None) any
+    text will do.
     """
 
     system: str
-    turns: tuple[tuple[str, str], ...]
+    turns: tuple[tuple[str, Content], ...]
     schema: dict[str, Any] | None
 
 
@@ -129,7 +133,7 @@ class Endpoint:
         elif question.schema is not None:
             words = json.dumps(question.schema, ensure_ascii=False)
             system += f"\nThe answer must fit this JSON schema: {words}"
-        messages = [{"role": role, "content": text} for role, text in question.turns]
+        messages = [{"role": role, "content": content} for role, content in question.turns]
         return {
             "model": self._model,
             "messages": [{"role": "system", "content": system}, *messages],
