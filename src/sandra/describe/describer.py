@@ -7,12 +7,20 @@ from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 from sandra.actions import ActionPair, Lateral, Longitudinal
-from sandra.describe.facts import situation
+from sandra.describe.facts import present, situation
+from sandra.describe.options import PromptOptions
 from sandra.describe.outside import one_line
+from sandra.describe.picture import bird_eye
 from sandra.describe.schema import answer_schema
-from sandra.describe.templates import Templates
-from sandra.describe.types import Prompt
-from sandra.describe.wording import ego_text, narrowed_text, obstacles_text, rules_text, system_text
+from sandra.describe.types import Picture, Prompt, Situation
+from sandra.describe.wording import (
+    ego_text,
+    narrowed_text,
+    obstacles_text,
+    picture_text,
+    rules_text,
+    system_text,
+)
 from sandra.scene.types import Scene
 from sandra.settings import Settings
 
@@ -24,6 +32,7 @@ def describe(
     rules: Sequence[str] = (),
     rule_prompt: bool = False,
     settings: Settings | None = None,
+    options: PromptOptions | None = None,
 ) -> Prompt:
     """Describe a scene for a ranker.
 
@@ -35,6 +44,7 @@ def describe(
         rules: names of the traffic rules that will be verified.
         rule_prompt: whether the rules are told as well (the paper found little use in it).
         settings: k, history, horizon and the thresholds that the actions' meanings name.
+        options: what is told beyond the paper's figure; default: nothing.
 
     Returns:
         The prompt; `k` is the smaller of `settings.k` and the number of feasible pairs.
@@ -45,9 +55,13 @@ def describe(
     k = min(settings.k, len(feasible))
     wish = one_line(command) if command else ""
     recent = tuple(past)[-settings.history :] if settings.history else ()
-    words = Templates()
-    facts = situation(scene, feasible, wish or None, recent, settings.horizon * scene.dt)
-    paragraphs = [ego_text(words, scene, facts), obstacles_text(words, facts, settings)]
+    options = options or PromptOptions()
+    words = options.templates
+    facts = situation(scene, feasible, wish or None, recent, settings.horizon * scene.dt, options)
+    picture = _picture(scene, facts, options)
+    paragraphs = [ego_text(words, scene, facts), obstacles_text(words, facts, settings, options)]
+    if picture is not None:
+        paragraphs.append(picture_text(words, picture))
     if rule_prompt and rules:
         paragraphs.append(rules_text(words, facts, rules, settings))
     return Prompt(
@@ -58,8 +72,19 @@ def describe(
         longitudinal=longitudinal,
         lateral=lateral,
         situation=facts,
+        picture=picture,
         templates=words,
     )
+
+
+def _picture(scene: Scene, facts: Situation, options: PromptOptions) -> Picture | None:
+    if options.picture is None:
+        return None
+    drawn = present(scene)
+    if options.beams is not None:
+        seen = options.beams.seen(scene, drawn)
+        drawn = [o for o in drawn if o.id in seen]
+    return bird_eye(scene, options.picture, drawn, {o.id for o in facts.obstacles})
 
 
 def feasible_actions(scene: Scene) -> tuple[tuple[Longitudinal, ...], tuple[Lateral, ...]]:

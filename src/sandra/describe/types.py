@@ -71,6 +71,10 @@ class Situation:
     """Time for which a decision holds [s]."""
 
 
+VIEWS = ("ego", "north")
+"""What points up in a picture: the ego's heading, or the map's y axis."""
+
+
 @dataclass(frozen=True, slots=True)
 class Picture:
     """The scene from above, as a PNG (`sandra.describe.picture`)."""
@@ -81,7 +85,7 @@ class Picture:
     height: int
     """[pixel]"""
     up: str
-    """What points up: "ego" (its heading) or "north" (the map's y axis)."""
+    """What points up, of `VIEWS`."""
     scale: float
     """Length of a pixel [m]."""
 

@@ -6,10 +6,12 @@ import math
 from collections.abc import Iterable, Sequence
 
 from sandra.actions import ActionPair, Lateral, Longitudinal
+from sandra.describe.criticality import criticality_text, explanation
 from sandra.describe.facts import AHEAD, BEHIND
+from sandra.describe.options import PromptOptions
 from sandra.describe.outside import NAME_LENGTH, in_words, one_line
 from sandra.describe.templates import Templates
-from sandra.describe.types import ObstacleFacts, Situation
+from sandra.describe.types import ObstacleFacts, Picture, Situation
 from sandra.scene.types import Scene, TrafficLight, TrafficSign
 from sandra.settings import Settings
 
@@ -74,12 +76,28 @@ def ego_text(words: Templates, scene: Scene, facts: Situation) -> str:
     return "\n".join(lines)
 
 
-def obstacles_text(words: Templates, facts: Situation, settings: Settings) -> str:
-    """One line per relevant obstacle (paper: Obstacles)."""
+def obstacles_text(
+    words: Templates, facts: Situation, settings: Settings, options: PromptOptions
+) -> str:
+    """One line per obstacle (paper: Obstacles), with the measures asked for."""
+    beams, measures, braking = options.beams, options.measures, -settings.a_lon_min
     if not facts.obstacles:
+        if beams is not None:
+            return words.say("obstacles", "none_in_sight", range=beams.range)
         return words.say("obstacles", "none", ahead=AHEAD, behind=BEHIND)
-    lines = [words.say("obstacles", "opening"), words.say("obstacles", "units")]
-    return "\n".join([*lines, *(_obstacle(words, o, settings.v_err) for o in facts.obstacles)])
+    opening = "opening" if beams is None else "opening_in_sight"
+    lines = [words.say("obstacles", opening), words.say("obstacles", "units")]
+    if measures:
+        lines.append(explanation(words, measures, braking))
+    for o in facts.obstacles:
+        told = criticality_text(words, o, measures, braking)
+        lines.append(_obstacle(words, o, settings.v_err) + (f" {told}" if told else ""))
+    return "\n".join(lines)
+
+
+def picture_text(words: Templates, picture: Picture) -> str:
+    """What the attached picture shows (not in the paper)."""
+    return words.say("picture", picture.up, metres=picture.width * picture.scale)
 
 
 def rules_text(words: Templates, facts: Situation, rules: Iterable[str], settings: Settings) -> str:
