@@ -17,6 +17,7 @@ from sandra.cli.options import (
     vocabulary_of,
 )
 from sandra.cli.output import figure_of, print_json, progress
+from sandra.cli.prompting import add_context, prompt_options_of, save_picture
 
 if TYPE_CHECKING:
     from sandra.decision import Decision
@@ -44,6 +45,8 @@ def add(commands: Any) -> None:
     parser.add_argument(
         "--deadline", type=float, default=30.0, metavar="SECONDS", help="for the whole ranking"
     )
+    add_context(parser)
+    parser.add_argument("--picture", metavar="FILE", help="write the picture of --vision: .png")
     add_verification(parser)
     parser.add_argument(
         "--accept",
@@ -81,13 +84,15 @@ def add(commands: Any) -> None:
 def _decide(arguments: argparse.Namespace) -> int:
     from sandra.decision import decide
     from sandra.describe import render
+    from sandra.describe.tokens import tokens
     from sandra.logic import parse_rules
     from sandra.planning import Weights
 
     settings = settings_of(arguments)
     weights = replace(Weights.for_command(arguments.wish), desired_speed=arguments.desired_speed)
+    scene = scene_of(arguments, settings)
     decision = decide(
-        scene_of(arguments, settings),
+        scene,
         arguments.ranker,
         arguments.wish,
         prediction=arguments.prediction,
@@ -103,15 +108,23 @@ def _decide(arguments: argparse.Namespace) -> int:
         mode=arguments.mode,
         walk=arguments.walk,
         rule_prompt=arguments.rule_prompt,
+        prompt_options=prompt_options_of(arguments, scene),
         weights=weights,
         progress=progress,
     )
     figure = figure_of(decision, arguments.figure)
+    picture = save_picture(decision.prompt, arguments.picture)
     written = _certificate(decision, arguments.certificate)
     if arguments.json:
-        print_json({**decision.to_dict(), "figure": figure, "certificate": written})
+        files = {"figure": figure, "certificate": written}
+        if picture:
+            files["picture"] = picture
+        print_json({**decision.to_dict(), **files})
         return 0
     print(render(decision.prompt))
+    print(tokens(decision.prompt))
+    if picture:
+        print(f"picture of the prompt: {picture}")
     print()
     if decision.ranking.reasoning:
         print(f"<{decision.ranking.ranker}>: {decision.ranking.reasoning}\n")

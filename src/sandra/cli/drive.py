@@ -15,6 +15,7 @@ from sandra.cli.options import (
     workers_of,
 )
 from sandra.cli.output import print_json
+from sandra.cli.prompting import add_context, prompt_options_of
 from sandra.errors import SandraError
 
 if TYPE_CHECKING:
@@ -78,6 +79,7 @@ def add(commands: Any) -> None:
     )
     parser.add_argument("--settings", metavar="FILE", help="a TOML file with parameters")
     add_assumptions(parser)
+    add_context(parser)
     parser.add_argument("--out", metavar="RUN", help="the run folder (default: runs/NAME)")
     add_workers(parser)
     parser.add_argument("--json", action="store_true", help="print one JSON object")
@@ -104,6 +106,7 @@ def drive_of(arguments: argparse.Namespace) -> Drive:
         emergency_braking=arguments.emergency_braking,
         deadline=arguments.deadline,
         base_url=arguments.base_url,
+        prompt_options=prompt_options_of(arguments, None),
         settings=settings_of(arguments),
         assumptions=arguments.assumptions or ("settings" if arguments.settings else "paper"),
     )

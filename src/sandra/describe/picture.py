@@ -177,7 +177,7 @@ def _ids(draw: Any, canvas: _Canvas, obstacles: Sequence[Obstacle], told: Collec
         o.id: np.array(canvas.points(np.array([[o.state.x, o.state.y]]))[0]) / _FINE
         for o in obstacles
     }
-    taken = [np.array([x - 5, y - 5, x + 5, y + 5]) for x, y in at.values()]
+    taken = [np.array([x - 8, y - 8, x + 8, y + 8]) for x, y in [*at.values(), canvas.ego]]
     for id in (i for i in at if i in told):
         places = []
         for dx, dy, anchor in _BESIDE:

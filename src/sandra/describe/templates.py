@@ -87,11 +87,15 @@ class Templates:
         return self.tables[table][name].format(**filled)
 
 
+def our_text() -> str:
+    """`templates.toml` as it is."""
+    return files("sandra.describe").joinpath("templates.toml").read_text(encoding="utf-8")
+
+
 @cache
 def sentences() -> Tables:
     """All tables of `templates.toml`, read once, immutable."""
-    text = files("sandra.describe").joinpath("templates.toml").read_text(encoding="utf-8")
-    tables = tomllib.loads(text)
+    tables = tomllib.loads(our_text())
     return MappingProxyType({name: MappingProxyType(table) for name, table in tables.items()})
 
 
