@@ -26,7 +26,7 @@ MOST_BEAMS = 3600
 class Beams:
     """How many beams, evenly around the ego, and how far they reach [m]."""
 
-    count: int = 180
+    count: int = 720
     range: float = 100.0
 
     def __post_init__(self) -> None:
@@ -48,7 +48,7 @@ class Beams:
         count, _, reach = numbers.partition(",")
         try:
             if kind == "beams":
-                return Beams(int(count or 180), float(reach or 100.0))
+                return Beams(int(count or 720), float(reach or 100.0))
         except ValueError:
             pass
         raise SettingsError(f"obstacles '{text}': write lanes, beams, or beams:NUMBER,RANGE")
@@ -105,7 +105,7 @@ def _segments(rays: Array, start: Array, along: Array) -> Array:
     if not len(start):
         return np.full(len(rays), np.inf)
     cross = rays[:, :1] * along[:, 1] - rays[:, 1:] * along[:, 0]
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         far = (start[:, 0] * along[:, 1] - start[:, 1] * along[:, 0]) / cross
         part = (start[:, 0] * rays[:, 1:] - start[:, 1] * rays[:, :1]) / cross
     met = (cross != 0.0) & (far >= 0.0) & (part >= 0.0) & (part <= 1.0)

@@ -31,7 +31,7 @@ OPEN = ("weather", "country")
 """Tables to which words may be added; the others have the names that the code asks for."""
 
 _INTEGERS = frozenset({"k", "id"})
-_WIDE = re.compile(r"\d{4,}")
+_BAD_FORMAT = re.compile(r"\d{4,}|[{}]")
 _HEADER = re.compile(r"\s*\[\s*([\w.\"'-]+)\s*\]")
 
 
@@ -128,8 +128,8 @@ def _wrong(table: str, name: str, sentence: object) -> str | None:
     if unknown:
         known = ", ".join(f"{{{x}}}" for x in fields) or "none"
         return f"unknown placeholder {{{unknown[0]}}}; this sentence has {known}"
-    if any(_WIDE.search(spec) for spec in used.values()):
-        return "a width of more than three digits"
+    if any(_BAD_FORMAT.search(spec) for spec in used.values()):
+        return "a format of more than three digits, or with a placeholder in it"
     missing = sorted(ESSENTIAL.get((table, name), frozenset()) - set(used))
     if missing:
         return f"the placeholder {{{missing[0]}}} is missing"
