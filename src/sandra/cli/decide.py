@@ -30,6 +30,8 @@ def add(commands: Any) -> None:
         "describe a scenario, have action pairs ranked, verify them, choose what is executed",
         "sandra decide intersection --command 'drive faster' --prediction set-based "
         "--rules R_G1,R_G2,R_G3 --mode verify-first --figure decision.png",
+        "sandra decide merge --ranker openai:MODEL --base-url http://localhost:8000/v1 "
+        "--vision ego --picture look.png --measures all",
     )
     add_scenario(parser)
     add_prompting(parser)
@@ -46,7 +48,6 @@ def add(commands: Any) -> None:
         "--deadline", type=float, default=30.0, metavar="SECONDS", help="for the whole ranking"
     )
     add_context(parser)
-    parser.add_argument("--picture", metavar="FILE", help="write the picture of --vision: .png")
     add_verification(parser)
     parser.add_argument(
         "--accept",

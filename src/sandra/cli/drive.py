@@ -30,6 +30,8 @@ def add(commands: Any) -> None:
         "exit status 0 if the ego was in no collision, else 1",
         "sandra drive highway --setting 2 --seeds 5838 --ranker rules --prediction set-based "
         "--rules R_G1,R_G2,R_G3",
+        "sandra drive highway --ranker openai:MODEL --base-url http://localhost:8000/v1 "
+        "--vision ego --deadline 5",
     )
     parser.add_argument(
         "environment",
@@ -79,7 +81,7 @@ def add(commands: Any) -> None:
     )
     parser.add_argument("--settings", metavar="FILE", help="a TOML file with parameters")
     add_assumptions(parser)
-    add_context(parser)
+    add_context(parser, picture=False)
     parser.add_argument("--out", metavar="RUN", help="the run folder (default: runs/NAME)")
     add_workers(parser)
     parser.add_argument("--json", action="store_true", help="print one JSON object")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 from typing import Any
 
 from sandra.cli.options import add_prompting, add_scenario, command, past_of, scene_of, settings_of
@@ -24,14 +23,14 @@ def add(commands: Any) -> None:
         commands,
         "prompt",
         "print the exact prompt, and the JSON schema of the answer",
-        "sandra prompt intersection --command 'drive faster' --measures all --vision ego "
-        "--picture look.png",
+        "sandra prompt intersection --command 'drive faster'",
+        "sandra prompt intersection --vision ego --picture look.png --measures all "
+        "--weather 'light rain' --obstacles beams",
     )
     add_scenario(parser)
     add_prompting(parser)
     parser.add_argument("--rules", default="", metavar="LIST", help="rules for --rule-prompt")
     add_context(parser)
-    parser.add_argument("--picture", metavar="FILE", help="write the picture of --vision: .png")
     parser.add_argument(
         "--list-templates",
         nargs=0,
@@ -69,10 +68,7 @@ def _prompt(arguments: argparse.Namespace) -> int:
         counted = {"text": length.text, "schema": length.schema, "picture": length.picture}
         print_json({**data, "tokens": counted})
     else:
-        print(render(prompt))
-        print()
-        print(json.dumps(prompt.schema, indent=2))
-        print(f"\n{length}")
+        print(f"{render(prompt)}\n{length}")
         if written:
             print(f"picture: {written}")
     return 0

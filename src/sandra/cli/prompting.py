@@ -16,7 +16,8 @@ LOOK_UP = "openweathermap"
 """As --weather: ask the server of this name."""
 
 
-def add_context(parser: argparse.ArgumentParser) -> None:
+def add_context(parser: argparse.ArgumentParser, *, picture: bool = True) -> None:
+    """`picture`: whether the command can write the picture of one prompt."""
     group = parser.add_argument_group("what the prompt tells (docs/prompt.md)")
     group.add_argument(
         "--vision",
@@ -24,6 +25,10 @@ def add_context(parser: argparse.ArgumentParser) -> None:
         help="attach a picture of the scene from above, for models that look at pictures: ego "
         "(its heading is up) or north",
     )
+    if picture:
+        group.add_argument(
+            "--picture", metavar="FILE", help="write the picture of --vision, to look at it: .png"
+        )
     group.add_argument(
         "--weather",
         metavar="WORDS",
@@ -82,7 +87,9 @@ def _weather(text: str | None, scene: Scene | None) -> str | None:
     from sandra.scene.weather import OpenWeatherMap
 
     if scene is None:
-        raise SandraError(f"--weather {LOOK_UP}: there is no place to look it up for; name it")
+        raise SandraError(
+            f"--weather {LOOK_UP}: a simulation is nowhere; name the weather, as in --weather rain"
+        )
     found = OpenWeatherMap().at(scene.location)
     if found.problem is not None:
         print(f"warning: unknown weather: {found.problem}", file=sys.stderr)

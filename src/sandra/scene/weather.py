@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 ADDRESS = "https://api.openweathermap.org"
 KEY = "OPENWEATHERMAP_API_KEY"
 """Environment variable that holds the key. No command takes it: command lines are recorded."""
+URL = "OPENWEATHERMAP_BASE_URL"
 TIMEOUT = 3.0
 """For one answer, connecting included [s]."""
 KEPT = 600.0
@@ -52,19 +53,21 @@ class OpenWeatherMap:
 
     Args:
         key: default: the environment variable OPENWEATHERMAP_API_KEY.
-        base_url: of the server. timeout: for one answer [s].
+        base_url: of the server; default: OPENWEATHERMAP_BASE_URL, else OpenWeatherMap's.
+        timeout: for one answer [s].
 
     Raises:
         SettingsError: no key.
     """
 
     def __init__(
-        self, key: str | None = None, *, base_url: str = ADDRESS, timeout: float = TIMEOUT
+        self, key: str | None = None, *, base_url: str | None = None, timeout: float = TIMEOUT
     ) -> None:
         self._key = (key or os.environ.get(KEY) or "").strip()
         if not self._key:
             raise SettingsError(f"weather: no key; set {KEY}, or name the weather yourself")
-        self._base_url, self._timeout = base_url.rstrip("/"), timeout
+        self._base_url = (base_url or os.environ.get(URL) or ADDRESS).rstrip("/")
+        self._timeout = timeout
         self._kept: dict[tuple[float, float], tuple[float, Weather]] = {}
 
     def __repr__(self) -> str:
