@@ -65,7 +65,7 @@ def test_prompt_shows_all_of_it(tmp_path: Path, capsys: pytest.CaptureFixture[st
     out = capsys.readouterr().out
     for told in ("Drive!", "up is north", "brake threat number is", "light rain", "that you see"):
         assert told in out
-    assert "picture about 256; 4 characters each)" in out
+    assert "picture about 256; 3.6 characters each)" in out
     assert f"picture: {picture}" in out
     assert picture.read_bytes().startswith(b"\x89PNG")
     assert main(["prompt", "intersection", *words, "--json"]) == 0

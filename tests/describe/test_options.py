@@ -1,5 +1,7 @@
 """Weather by option, token counts, and that without options nothing changes."""
 
+import math
+
 import pytest
 
 from sandra.describe import PromptOptions, describe
@@ -45,10 +47,10 @@ def test_weather_is_data() -> None:
 def test_tokens() -> None:
     prompt = describe(scene(), options=PromptOptions(picture="ego"))
     found = tokens(prompt)
-    assert found.text == -(-len(prompt.system + "\n" + prompt.user) // 4)
+    assert found.text == math.ceil(len(prompt.system + "\n" + prompt.user) / 3.6)
     assert found.picture == 16 * 16
     assert str(found).startswith(f"about {found.text + found.schema + 256} tokens (text ")
-    assert "4 characters each" in str(found)
+    assert "3.6 characters each" in str(found)
     exact = tokens(describe(scene()), lambda text: len(text.split()))
     assert exact.text == len(f"{describe(scene()).system}\n{describe(scene()).user}".split())
     assert str(exact) == (

@@ -8,7 +8,6 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from sandra.actions import ActionPair
-from sandra.describe.beams import Beams
 from sandra.describe.collision_time import Box, signed_gap, time_to_collision
 from sandra.describe.criticality import required_braking
 from sandra.describe.options import PromptOptions
@@ -49,7 +48,8 @@ def situation(
     if options.beams is None:
         obstacles = relevant(obstacles)
     else:
-        obstacles = most_important(o for o in obstacles if o.id in seen_ids(scene, options.beams))
+        seen = options.beams.seen(scene, present(scene))
+        obstacles = most_important(o for o in obstacles if o.id in seen)
     _, d, heading, _ = scene.ego_curvilinear
     state = scene.ego.state
     light = next_light(scene.lights)
@@ -110,11 +110,6 @@ def present(scene: Scene) -> list[Obstacle]:
         if all(map(math.isfinite, (o.state.x, o.state.y, o.state.heading)))
         and (o.states is None or np.isfinite(o.states[:1, :2]).all())
     ]
-
-
-def seen_ids(scene: Scene, beams: Beams) -> frozenset[int]:
-    """Ids of the obstacles that beams see now."""
-    return beams.seen(scene, present(scene))
 
 
 def _without_copies(obstacles: list[Obstacle]) -> list[Obstacle]:
