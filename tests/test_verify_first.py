@@ -260,5 +260,5 @@ def test_what_breaks_while_the_model_thinks_ends_the_question() -> None:
 
 
 def test_an_unknown_mode_is_refused() -> None:
-    with pytest.raises(sandra.SandraError, match=r"mode = 'repair'.*verify-first"):
-        sandra.decide(SCENE, mode="repair")
+    with pytest.raises(sandra.SandraError, match=r"mode = 'ranked'.*verify-first, repair"):
+        sandra.decide(SCENE, mode="ranked")

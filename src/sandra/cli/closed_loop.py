@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sandra.cli.options import add_workers, command, workers_of
+from sandra.cli.options import add_server, add_workers, command, prices_of, workers_of
 from sandra.cli.output import print_json, progress
 from sandra.errors import SandraError
 
@@ -48,7 +48,7 @@ def add(actions: Any) -> None:
         help="a row of one more driver without a verifier: dilu:MODEL (docs/dilu.md)",
     )
     parser.add_argument("--command", dest="wish", metavar="TEXT", help="the driver's wish")
-    parser.add_argument("--base-url", metavar="URL", help="of an OpenAI-compatible server")
+    add_server(parser)
     parser.add_argument("--settings", default="1,2,3", metavar="LIST", help="of the paper")
     seeds = parser.add_mutually_exclusive_group()
     seeds.add_argument("--seeds", default="0", metavar="LIST", help="of the traffic, e.g. 1,2,5-9")
@@ -101,8 +101,10 @@ def _closed_loop(arguments: argparse.Namespace) -> int:
     from sandra.cli.drive import seeds_of
     from sandra.evaluation.closed_loop import OURS, PAPER
     from sandra.evaluation.closed_loop.table import tabulate
+    from sandra.rankers.usage import cost, told
     from sandra.simulation.highway import SEEDS
 
+    prices = prices_of(arguments)
     rows = rows_of(arguments)
     if arguments.list:
         print("\n".join(row.name for row in rows))
@@ -126,11 +128,16 @@ def _closed_loop(arguments: argparse.Namespace) -> int:
         progress("draw")
         written += _draw(table, out)
         progress("")
+    usages = table.usages()
     if arguments.json:
-        print_json({**table.to_dict(), "files": [str(file) for file in written]})
+        costs = {ranker: cost(usage, ranker, prices) for ranker, usage in usages.items()}
+        files = [str(file) for file in written]
+        print_json({**table.to_dict(), "costs": costs, "files": files})
     else:
         for sheet in (table.main(), table.beside()):
             print(sheet.text(arguments.format))
+        for ranker, usage in usages.items():
+            print(f"cost of {ranker}: {told(usage, ranker, prices)}", file=sys.stderr)
         print("written: " + ", ".join(map(str, written)), file=sys.stderr)
     for words in table.broken:
         print(f"broke off: {words}", file=sys.stderr)
@@ -148,11 +155,26 @@ def rows_of(arguments: argparse.Namespace) -> tuple[Row, ...]:
     if arguments.repeats < 1:
         raise SandraError(f"--repeats {arguments.repeats}: at least 1")
     for ranker in arguments.ranker:
-        create(ranker, base_url=arguments.base_url)  # rather an error now than after minutes
+        # Rather an error now than after minutes.
+        create(
+            ranker,
+            base_url=arguments.base_url,
+            deadline=arguments.deadline,
+            cache=arguments.cache,
+            max_concurrent=arguments.max_concurrent,
+        )
     drivers = [located(name, arguments.base_url) for name in arguments.driver]
     for driver in drivers:
         policy(driver)
-    base = Drive(profile=arguments.profile, command=arguments.wish, base_url=arguments.base_url)
+    base = Drive(
+        profile=arguments.profile,
+        command=arguments.wish,
+        base_url=arguments.base_url,
+        deadline=arguments.deadline,
+        cache=arguments.cache,
+        max_concurrent=arguments.max_concurrent,
+        prices=arguments.prices,
+    )
     chosen = arguments.assumptions
     rows = all_rows(
         base,

@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING, Any
 from sandra.cli.options import (
     add_prompting,
     add_scenario,
+    add_server,
     add_verification,
     command,
     past_of,
+    prices_of,
     scene_of,
     settings_of,
     vocabulary_of,
@@ -43,10 +45,7 @@ def add(commands: Any) -> None:
         "exhaustive, or MODULE:ATTRIBUTE of your own; to see what a bad one does: adversarial, "
         "always:PAIR, garbage, late:SECONDS",
     )
-    parser.add_argument("--base-url", metavar="URL", help="of an OpenAI-compatible server")
-    parser.add_argument(
-        "--deadline", type=float, default=30.0, metavar="SECONDS", help="for the whole ranking"
-    )
+    add_server(parser)
     add_context(parser)
     add_verification(parser)
     parser.add_argument(
@@ -69,7 +68,8 @@ def add(commands: Any) -> None:
         default="rank",
         metavar="NAME",
         help="rank (a ranking, then verdicts, as in the paper), verify-first (all pairs are "
-        "verified while the ranker reads and reasons; it ranks those that hold) or exhaustive "
+        "verified while the ranker reads and reasons; it ranks those that hold), repair (as rank; "
+        "where nothing ranked holds it is asked once more, with the reasons) or exhaustive "
         "(nobody is asked)",
     )
     parser.add_argument(
@@ -88,13 +88,22 @@ def _decide(arguments: argparse.Namespace) -> int:
     from sandra.describe.tokens import tokens
     from sandra.logic import parse_rules
     from sandra.planning import Weights
+    from sandra.rankers import create
+    from sandra.rankers.usage import cost, told
 
-    settings = settings_of(arguments)
+    settings, prices = settings_of(arguments), prices_of(arguments)
+    ranker = create(
+        "exhaustive" if arguments.mode == "exhaustive" else arguments.ranker,
+        base_url=arguments.base_url,
+        deadline=arguments.deadline,
+        cache=arguments.cache,
+        max_concurrent=arguments.max_concurrent,
+    )
     weights = replace(Weights.for_command(arguments.wish), desired_speed=arguments.desired_speed)
     scene = scene_of(arguments, settings)
     decision = decide(
         scene,
-        arguments.ranker,
+        ranker,
         arguments.wish,
         prediction=arguments.prediction,
         rules=parse_rules(arguments.rules),
@@ -103,7 +112,6 @@ def _decide(arguments: argparse.Namespace) -> int:
         accept=arguments.accept,
         past=past_of(arguments.past),
         deadline=arguments.deadline,
-        base_url=arguments.base_url,
         settings=settings,
         vocabulary=vocabulary_of(arguments),
         mode=arguments.mode,
@@ -116,20 +124,25 @@ def _decide(arguments: argparse.Namespace) -> int:
     figure = figure_of(decision, arguments.figure)
     picture = save_picture(decision.prompt, arguments.picture)
     written = _certificate(decision, arguments.certificate)
+    ranking = decision.ranking
     if arguments.json:
         files = {"figure": figure, "certificate": written}
         if picture:
             files["picture"] = picture
-        print_json({**decision.to_dict(), **files})
+        money = cost(ranking.usage, ranking.ranker, prices)
+        print_json({**decision.to_dict(), "cost": money, **files})
         return 0
     print(render(decision.prompt))
     print(tokens(decision.prompt))
     if picture:
         print(f"picture of the prompt: {picture}")
     print()
-    if decision.ranking.reasoning:
-        print(f"<{decision.ranking.ranker}>: {decision.ranking.reasoning}\n")
+    if ranking.reasoning:
+        print(f"<{ranking.ranker}>: {ranking.reasoning}\n")
     print(decision)
+    bill = told(ranking.usage, ranking.ranker, prices)
+    if bill:
+        print(f"  cost: {bill}")
     if figure:
         print(f"  picture: {figure}")
     if written:

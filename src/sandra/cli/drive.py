@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 from sandra.cli.options import (
     add_assumptions,
+    add_server,
     add_workers,
     command,
+    prices_of,
     settings_of,
     workers_of,
 )
@@ -53,10 +55,7 @@ def add(commands: Any) -> None:
     parser.add_argument("--steps", type=int, default=30, metavar="N", help="decisions, 0.2 s each")
     parser.add_argument("--ranker", default="rules", metavar="NAME", help="as in 'sandra decide'")
     parser.add_argument("--command", dest="wish", metavar="TEXT", help="the driver's wish")
-    parser.add_argument("--base-url", metavar="URL", help="of an OpenAI-compatible server")
-    parser.add_argument(
-        "--deadline", type=float, default=30.0, metavar="SECONDS", help="for the whole ranking"
-    )
+    add_server(parser)
     parser.add_argument(
         "--prediction", default="set-based", metavar="KIND", help="set-based or most-likely"
     )
@@ -109,6 +108,9 @@ def drive_of(arguments: argparse.Namespace) -> Drive:
         deadline=arguments.deadline,
         base_url=arguments.base_url,
         prompt_options=prompt_options_of(arguments, None),
+        cache=arguments.cache,
+        max_concurrent=arguments.max_concurrent,
+        prices=arguments.prices,
         settings=settings_of(arguments),
         assumptions=arguments.assumptions or ("settings" if arguments.settings else "paper"),
     )
@@ -117,17 +119,25 @@ def drive_of(arguments: argparse.Namespace) -> Drive:
 def _drive(arguments: argparse.Namespace) -> int:
     from sandra.evaluation.closed_loop.batch import drive_all
     from sandra.evaluation.closed_loop.folder import RunFolder
+    from sandra.rankers.usage import Usage, cost, told, total
 
     how, seeds = drive_of(arguments), seeds_of(arguments.seeds)
+    prices = prices_of(arguments)
     folder = RunFolder(Path(arguments.out or f"runs/{default_name(how)}"))
     folder.open(how, ["sandra", *sys.argv[1:]])
     found = drive_all(folder, how, seeds, workers_of(arguments), _progress)
     _progress("")
+    usage = total(Usage.of_dict(x["cost"]["usage"]) for x in found if x.get("cost"))
     if arguments.json:
-        print_json({"run": str(folder.path), "drive": how.to_dict(), "episodes": found})
+        money = cost(usage, how.ranker, prices)
+        run = {"run": str(folder.path), "drive": how.to_dict()}
+        print_json({**run, "episodes": found, "cost": money})
     else:
         for episode in found:
             print(_line(episode))
+        bill = told(usage, how.ranker, prices)
+        if bill:
+            print(f"cost: {bill}")
         print(f"run folder: {folder.path}")
     return 0 if all(episode["collision"] is None for episode in found) else 1
 

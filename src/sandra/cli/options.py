@@ -10,6 +10,7 @@ from sandra.errors import SandraError
 
 if TYPE_CHECKING:
     from sandra.logic import Vocabulary
+    from sandra.rankers.usage import Price
     from sandra.scene import Scene
     from sandra.settings import Settings
 
@@ -84,6 +85,37 @@ def add_prompting(parser: argparse.ArgumentParser) -> None:
         "--past", default="", metavar="PAIRS", help="pairs driven before, oldest first, ';' between"
     )
     parser.add_argument("--rule-prompt", action="store_true", help="tell the rules in the prompt")
+
+
+def add_server(parser: argparse.ArgumentParser) -> None:
+    """How a ranker's server is asked; see docs/rankers.md."""
+    parser.add_argument("--base-url", metavar="URL", help="of an OpenAI-compatible server")
+    parser.add_argument(
+        "--deadline",
+        type=float,
+        default=30.0,
+        metavar="SECONDS",
+        help="for the whole ranking, retries included",
+    )
+    parser.add_argument(
+        "--max-concurrent",
+        type=int,
+        metavar="N",
+        help="requests to the server at once, over all processes of yours on this machine "
+        "(default: 16 in each process)",
+    )
+    parser.add_argument(
+        "--cache", metavar="FOLDER", help="keep the answers of servers there, and use them again"
+    )
+    parser.add_argument(
+        "--prices", metavar="FILE", help="a TOML file with prices of models, for what it costs"
+    )
+
+
+def prices_of(arguments: argparse.Namespace) -> dict[str, Price]:
+    from sandra.rankers.usage import load_prices
+
+    return load_prices(arguments.prices) if arguments.prices else {}
 
 
 def add_workers(parser: argparse.ArgumentParser) -> None:

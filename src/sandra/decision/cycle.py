@@ -11,7 +11,7 @@ from dataclasses import replace
 from sandra.actions import ActionPair
 from sandra.certify import Basis
 from sandra.decision.judge import Judge
-from sandra.decision.modes import MODES, WALKS, rank_first, verify_first
+from sandra.decision.modes import MODES, WALKS, rank_first, repair, verify_first
 from sandra.decision.result import Decision
 from sandra.decision.stages import Clock
 from sandra.describe import Prompt, PromptOptions, describe
@@ -66,12 +66,13 @@ def decide(
         decision_period: when the next decision is due [s], a multiple of `scene.dt`; default one
             step. Until then a certified maneuver is driven, from then on its fail-safe holds.
         past: the pairs executed before, oldest first.
-        deadline: seconds for the ranking, all attempts included; in mode "verify-first" the
-            ranker's wait for the verdicts is not counted.
+        deadline: seconds for the ranking, all attempts included; in the modes "verify-first" and
+            "repair" the ranker's wait for verdicts is not counted.
         mode: "rank" has feasible pairs ranked, then verifies what was ranked (the paper);
             "verify-first" verifies all twelve pairs while the ranker reads and reasons, then has
-            those ranked that hold; "exhaustive" asks nobody: it is "rank" with the ranker of that
-            name.
+            those ranked that hold; "repair" is "rank", and where no ranked pair holds the ranker
+            is told why and asked once more, if time is left; "exhaustive" asks nobody: it is
+            "rank" with the ranker of that name.
         walk: which pairs are verified after a ranking: "ranked" every ranked pair, "first" up to
             the first that holds, "all" all twelve. Without effect in "verify-first".
         rule_prompt: whether the prompt also tells the rules in words.
@@ -117,7 +118,8 @@ def decide(
     if mode == "verify-first":
         walked = verify_first(asked, prompt, deadline, prepare, clock)
     else:
-        walked = rank_first(asked, prompt, deadline, prepare, walk, clock)
+        order = repair if mode == "repair" else rank_first
+        walked = order(asked, prompt, deadline, prepare, walk, clock)
     judge, ranked = walked.judge, walked.ranking.pairs
     with clock.stage("plan"):
         maneuver = judge.maneuver(v for v in walked.verdicts if v.pair in ranked)

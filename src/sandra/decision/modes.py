@@ -7,17 +7,20 @@ what was asked, what was answered, and the verdicts. A further mode is a further
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from sandra.actions import ALL_PAIRS, ActionPair
 from sandra.decision.judge import Judge
 from sandra.decision.stages import Clock, Meanwhile
-from sandra.describe import Prompt, narrow
-from sandra.rankers import Failure, Ranker, Ranking, begin
+from sandra.describe import Prompt, answered, narrow
+from sandra.rankers import Failure, Ranker, Ranking, begin, total
 from sandra.reach import Status, Verdict
 
-MODES = ("rank", "exhaustive", "verify-first")
+MODES = ("rank", "exhaustive", "verify-first", "repair")
 WALKS = ("ranked", "first", "all")
+
+UNUSABLE = (Failure.EMPTY, Failure.MALFORMED, Failure.TRUNCATED, Failure.INFEASIBLE)
+"""Answers without a pair that are worth a second question (mode repair)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,14 +51,63 @@ def rank_first(
     clock.tell("rank")
     ranking = waiting.result()
     clock.durations["rank"] = waiting.duration
-    if walk == "first":
-        verdicts = _up_to_the_first(judge, ranking.pairs, clock)
-    else:
-        with clock.stage("verify"):
-            verdicts = _verified(judge, ranking.pairs, walk)
-        with clock.stage("plan"):
-            verdicts = _certified(judge, verdicts, ranking.pairs, walk)
+    verdicts = _walk(judge, ranking.pairs, walk, clock)
     return Walked(prompt, ranking, verdicts, judge)
+
+
+def repair(
+    ranker: Ranker,
+    prompt: Prompt,
+    deadline: float,
+    prepare: Callable[[], Judge],
+    walk: str,
+    clock: Clock,
+) -> Walked:
+    """`rank_first`; a ranking in which nothing holds is answered with the reasons, once.
+
+    The second question is about the pairs that are left, and has what is left of the deadline:
+    both answers together count, the verification between them does not.
+    """
+    first = rank_first(ranker, prompt, deadline, prepare, walk, clock)
+    left = deadline - clock.durations["rank"]
+    again = _second_question(first)
+    if again is None or left <= 0.0:
+        return first
+    clock.tell("rank")
+    waiting = Meanwhile(lambda: ranker.rank(again, left), ranker.name)
+    ranking = waiting.result()
+    clock.durations["rank"] += waiting.duration
+    usage = total((first.ranking.usage, ranking.usage))
+    told = "; ".join(map(str, first.ranking.pairs)) or "the first answer could not be used"
+    why = f"{told}: none holds" if first.ranking.pairs else told
+    if not ranking.pairs:
+        failure = "no pair" if ranking.failure is None else ranking.failure.value
+        note = f"{why}; asked again without success: {failure} ({ranking.detail})"
+        kept = replace(
+            first.ranking, warnings=(*first.ranking.warnings, note), usage=usage, recorded_s=None
+        )
+        return replace(first, prompt=again, ranking=kept)
+    known = {verdict.pair: verdict for verdict in first.verdicts}
+    if walk == "all":
+        verdicts = tuple(known.pop(pair) for pair in ranking.pairs)
+    else:
+        verdicts = _walk(first.judge, ranking.pairs, walk, clock)
+    note = f"asked again: {why}"
+    ranking = replace(ranking, warnings=(note, *ranking.warnings), usage=usage)
+    return Walked(again, ranking, (*verdicts, *known.values()), first.judge)
+
+
+def _second_question(first: Walked) -> Prompt | None:
+    """What is asked after a ranking in which nothing holds; None if something does."""
+    ranking = first.ranking
+    if not ranking.pairs:
+        usable = ranking.failure not in UNUSABLE
+        return None if usable else answered(first.prompt, {}, ranking.detail or "")
+    ranked = [v for v in first.verdicts if v.pair in ranking.pairs]
+    left = set(first.prompt.feasible) - set(ranking.pairs)
+    if any(first.judge.holds(v) for v in ranked) or not left:
+        return None
+    return answered(first.prompt, {v.pair: v.reason or v.status.value for v in ranked})
 
 
 def verify_first(
@@ -108,6 +160,18 @@ def _in_order(verdicts: Sequence[Verdict], ranked: Sequence[ActionPair]) -> tupl
     of_pair = {v.pair: v for v in verdicts}
     first = [of_pair[pair] for pair in ranked]
     return (*first, *(v for v in verdicts if v.pair not in ranked))
+
+
+def _walk(
+    judge: Judge, ranked: Sequence[ActionPair], walk: str, clock: Clock
+) -> tuple[Verdict, ...]:
+    """Verdicts after a ranking: of ranked pairs first."""
+    if walk == "first":
+        return _up_to_the_first(judge, ranked, clock)
+    with clock.stage("verify"):
+        verdicts = _verified(judge, ranked, walk)
+    with clock.stage("plan"):
+        return _certified(judge, verdicts, ranked, walk)
 
 
 def _verified(judge: Judge, ranked: Sequence[ActionPair], walk: str) -> tuple[Verdict, ...]:

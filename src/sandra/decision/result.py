@@ -70,6 +70,9 @@ class Decision:
             "failure": None if failure is None else failure.value,
             "failure_detail": self.ranking.detail,
             "warnings": list(self.ranking.warnings),
+            "usage": None if self.ranking.usage is None else self.ranking.usage.to_dict(),
+            "cached": self.ranking.cached,
+            "recorded_rank_s": self.ranking.recorded_s,
             "prediction": self.ground.prediction.kind,
             "assumed": list(self.ground.prediction.notes),
             "rules": list(self.verdicts.rules),
@@ -104,6 +107,9 @@ class Decision:
         if self.mode != "rank":
             lines[0] += f", mode {self.mode}"
         lines += [f"  note: {note}" for note in self.ground.prediction.notes]
+        if self.ranking.recorded_s is not None:
+            took = f"{self.ranking.recorded_s:.1f} s"
+            lines.append(f"  ranking: from the cache on disk; the server had taken {took}")
         if self.ranking.failure is not None:
             lines.append(
                 f"  no ranking: {self.ranking.failure.value}"

@@ -1,7 +1,7 @@
 """Scene -> Prompt: what the ranker is told, and in which form it has to answer."""
 
 from sandra.describe.beams import Beams
-from sandra.describe.describer import describe, feasible_actions, narrow, render
+from sandra.describe.describer import answered, describe, feasible_actions, narrow, render
 from sandra.describe.options import PromptOptions
 from sandra.describe.schema import only
 from sandra.describe.templates import Templates
@@ -18,6 +18,7 @@ __all__ = [
     "PromptOptions",
     "Situation",
     "Templates",
+    "answered",
     "describe",
     "feasible_actions",
     "narrow",

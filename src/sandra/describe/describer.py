@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 from sandra.actions import ActionPair, Lateral, Longitudinal
 from sandra.describe.facts import present, situation
+from sandra.describe.obstacle_wording import obstacles_text
 from sandra.describe.options import PromptOptions
 from sandra.describe.outside import one_line
 from sandra.describe.picture import bird_eye
 from sandra.describe.schema import answer_schema
 from sandra.describe.types import Picture, Prompt, Situation
 from sandra.describe.wording import (
+    answered_text,
     ego_text,
     narrowed_text,
-    obstacles_text,
     picture_text,
     rules_text,
     system_text,
@@ -114,8 +115,34 @@ def narrow(prompt: Prompt, pairs: Collection[ActionPair]) -> Prompt:
     left = tuple(pair for pair in prompt.feasible if pair in pairs)
     if not left or len(left) < len(set(pairs)):
         raise ValueError("a prompt can only be narrowed to some of its own pairs, at least one")
+    return _about(prompt, left, narrowed_text(prompt.templates, left, min(prompt.k, len(left))))
+
+
+def answered(prompt: Prompt, failed: Mapping[ActionPair, str], unusable: str = "") -> Prompt:
+    """The question put once more, with what was wrong with the answer (mode repair).
+
+    Args:
+        prompt: the first question; its text stays word for word, and is gone on with.
+        failed: the pairs that were ranked, and why each of them does not hold; they are not
+            asked for again.
+        unusable: why there is no ranked pair, where there is none.
+
+    Raises:
+        ValueError: if no pair is left, or one was not feasible.
+    """
+    left = tuple(pair for pair in prompt.feasible if pair not in failed)
+    if not left or len(left) + len(failed) != len(prompt.feasible):
+        raise ValueError("some of the prompt's own pairs must be left, at least one")
+    return _about(
+        prompt,
+        left,
+        answered_text(prompt.templates, failed, unusable, left, min(prompt.k, len(left))),
+    )
+
+
+def _about(prompt: Prompt, left: tuple[ActionPair, ...], narrowing: str) -> Prompt:
+    """A question about some pairs; the text of another one, and how it goes on."""
     k = min(prompt.k, len(left))
-    narrowing = narrowed_text(prompt.templates, left, k)
     return replace(
         prompt,
         user=f"{prompt.user}\n{narrowing}",

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from sandra.describe.relations import VULNERABLE
 from sandra.describe.types import Picture
-from sandra.scene.types import Obstacle, Region, Scene, State
+from sandra.scene.types import Lanelet, Obstacle, Region, Scene, State
 
 Array = NDArray[np.float64]
 
@@ -139,17 +139,19 @@ def bird_eye(
 def _road(canvas: _Canvas, scene: Scene) -> None:
     far = SIZE * SCALE * math.sqrt(2.0)
     current = set(scene.current.lanelets)
-    near = [
-        lanelet
-        for lanelet in scene.lanelets
-        if np.abs(lanelet.outline - canvas.origin).min(axis=0).max() < far
-    ]
+    near = [lanelet for lanelet in scene.lanelets if _comes_near(lanelet, canvas.origin, far)]
     for lanelet in sorted(near, key=lambda lanelet: lanelet.id in current):
         colour = _CURRENT if lanelet.id in current else _LANE
         canvas.draw.polygon(canvas.points(lanelet.outline), fill=colour)
     for lanelet in near:
         canvas.line(lanelet.left, _BORDER, 1.0)
         canvas.line(lanelet.right, _BORDER, 1.0)
+
+
+def _comes_near(lanelet: Lanelet, place: Array, far: float) -> bool:
+    """Whether the box around a lanelet comes within `far` of a place, along both axes."""
+    outline = lanelet.outline - place
+    return bool((outline.min(axis=0) < far).all() and (outline.max(axis=0) > -far).all())
 
 
 def _lights(canvas: _Canvas, scene: Scene) -> None:

@@ -24,6 +24,8 @@ ESSENTIAL: Mapping[tuple[str, str], frozenset[str]] = MappingProxyType(
         ("rules", "line"): frozenset({"text"}),
         ("narrowed", "holds"): frozenset({"pairs"}),
         ("narrowed", "rank"): frozenset({"k"}),
+        ("answered", "line"): frozenset({"pair"}),
+        ("answered", "rank"): frozenset({"k", "pairs"}),
     }
 )
 """Placeholders that a sentence of the user's must keep: what the model is asked depends on them."""

@@ -121,7 +121,8 @@ class Prompt:
     lateral: tuple[Lateral, ...]
     situation: Situation
     narrowing: str = ""
-    """The end of `user` that says which pairs hold, where only those may be ranked (`narrow`)."""
+    """The end of `user`, where only some pairs may be ranked: which, and why (`narrow`,
+    `answered`)."""
     picture: Picture | None = None
     """For rankers that look at pictures (those with a true attribute `takes_pictures`)."""
     templates: Templates = field(default_factory=Templates, repr=False)

@@ -1,17 +1,17 @@
-"""The facts in words: one function per paragraph of the paper's figure "LLM prompt design"."""
+"""The facts in words: one function per paragraph of the paper's figure "LLM prompt design".
+
+The obstacles have a module of their own, `obstacle_wording`.
+"""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from sandra.actions import ActionPair, Lateral, Longitudinal
-from sandra.describe.criticality import criticality_text, explanation
-from sandra.describe.facts import AHEAD, BEHIND
-from sandra.describe.options import PromptOptions
+from sandra.describe.obstacle_wording import side_of
 from sandra.describe.outside import NAME_LENGTH, in_words, one_line
 from sandra.describe.templates import Templates
-from sandra.describe.types import ObstacleFacts, Picture, Situation
+from sandra.describe.types import Picture, Situation
 from sandra.scene.types import Scene, TrafficLight, TrafficSign
 from sandra.settings import Settings
 
@@ -19,10 +19,10 @@ MOST_SIGNS = 5
 """At most this many signs are told, nearest first."""
 SIGN_RANGE = 150.0
 """Signs and lights are told up to this distance [m]."""
+REASON_LENGTH = 300
+"""So much of a reason why a pair does not hold is told [characters]."""
 _OFF_CENTRE = 0.3
 """The ego's place in its lane is told from this offset on [m]."""
-_LONG = 60.0
-"""Beyond this a time-to-collision is told as "more than" [s]."""
 
 _TOLD_AS_LIMIT = "max speed"
 
@@ -76,25 +76,6 @@ def ego_text(words: Templates, scene: Scene, facts: Situation) -> str:
     return "\n".join(lines)
 
 
-def obstacles_text(
-    words: Templates, facts: Situation, settings: Settings, options: PromptOptions
-) -> str:
-    """One line per obstacle (paper: Obstacles), with the measures asked for."""
-    beams, measures, braking = options.beams, options.measures, -settings.a_lon_min
-    if not facts.obstacles:
-        if beams is not None:
-            return words.say("obstacles", "none_in_sight", range=beams.range)
-        return words.say("obstacles", "none", ahead=AHEAD, behind=BEHIND)
-    opening = "opening" if beams is None else "opening_in_sight"
-    lines = [words.say("obstacles", opening), words.say("obstacles", "units")]
-    if measures:
-        lines.append(explanation(words, measures, braking))
-    for o in facts.obstacles:
-        told = criticality_text(words, o, measures, braking)
-        lines.append(_obstacle(words, o, settings.v_err) + (f" {told}" if told else ""))
-    return "\n".join(lines)
-
-
 def picture_text(words: Templates, picture: Picture) -> str:
     """What the attached picture shows (not in the paper)."""
     return words.say("picture", picture.up, metres=picture.width * picture.scale)
@@ -135,6 +116,26 @@ def narrowed_text(words: Templates, pairs: Sequence[ActionPair], k: int) -> str:
     """Which pairs hold, and how many of them are to be ranked (not in the paper)."""
     names = "; ".join(str(pair) for pair in pairs)
     return words.say("narrowed", "holds", pairs=names) + " " + words.say("narrowed", "rank", k=k)
+
+
+def answered_text(
+    words: Templates,
+    failed: Mapping[ActionPair, str],
+    unusable: str,
+    left: Sequence[ActionPair],
+    k: int,
+) -> str:
+    """What was wrong with an answer, and which pairs are left (not in the paper)."""
+    if failed:
+        lines = [words.say("answered", "failed")]
+        lines += [
+            words.say("answered", "line", pair=pair, reason=one_line(why, REASON_LENGTH))
+            for pair, why in failed.items()
+        ]
+    else:
+        lines = [words.say("answered", "unusable", reason=one_line(unusable, REASON_LENGTH))]
+    names = "; ".join(str(pair) for pair in left)
+    return "\n".join([*lines, words.say("answered", "rank", k=k, pairs=names)])
 
 
 def _road(words: Templates, scene: Scene, facts: Situation) -> str:
@@ -182,7 +183,7 @@ def _ego_state(words: Templates, facts: Situation) -> str:
     )
     offset = facts.lateral_offset
     if abs(offset) >= _OFF_CENTRE:
-        told += " " + words.say("ego", "offset", distance=abs(offset), side=_side(offset))
+        told += " " + words.say("ego", "offset", distance=abs(offset), side=side_of(offset))
     return told
 
 
@@ -215,85 +216,3 @@ def _signs(words: Templates, signs: Sequence[TrafficSign]) -> list[str]:
         else:
             told.append(words.say("ego", "sign_ahead", sign=told_as, distance=sign.distance))
     return list(dict.fromkeys(told))[:MOST_SIGNS]
-
-
-def _obstacle(words: Templates, o: ObstacleFacts, v_err: float) -> str:
-    line = words.say(
-        "obstacles",
-        "line",
-        kind=o.kind,
-        id=o.id,
-        doing=_doing(words, o, v_err),
-        place=_place(words, o),
-        reach=words.say("place", "reach") if o.in_ego_lane and o.relation != "same" else "",
-        distance=_where(words, o),
-    )
-    return " ".join([line, _state(words, o), _collision(words, o)])
-
-
-def _doing(words: Templates, o: ObstacleFacts, v_err: float) -> str:
-    if o.is_static:
-        return words.say("doing", "static")
-    if abs(o.speed) <= v_err:
-        return words.say("doing", "standing")
-    return words.say("doing", o.kind if o.kind in ("pedestrian", "bicycle") else "driving")
-
-
-def _place(words: Templates, o: ObstacleFacts) -> str:
-    has_direction = not o.is_static and o.kind != "pedestrian"
-    variant = o.relation
-    if variant == "same" and has_direction and not o.same_direction:
-        variant = "same_against"
-    elif variant in ("left", "right"):
-        if not has_direction:
-            variant += "_nothing"
-        elif not o.same_direction:
-            variant += "_against"
-    elif variant == "opposite":
-        if not has_direction:
-            variant = "opposite_nothing"
-        elif o.same_direction:
-            variant = "opposite_along"
-    return words.say("place", variant)
-
-
-def _where(words: Templates, o: ObstacleFacts) -> str:
-    aside = words.say("distance", "aside", gap=abs(o.lateral_gap), side=_side(o.lateral_gap))
-    if o.gap == 0.0:
-        if o.lateral_gap == 0.0:
-            return words.say("distance", "touching")
-        return words.say("distance", "beside") + ", " + aside
-    along = words.say("distance", "front" if o.gap > 0.0 else "behind", gap=abs(o.gap))
-    in_lane = o.relation in ("same", "left", "right") and _lane_says_enough(o)
-    return along if in_lane or o.lateral_gap == 0.0 else f"{along} and {aside}"
-
-
-def _lane_says_enough(o: ObstacleFacts) -> bool:
-    """Whether the lane says well enough where the obstacle is across the road."""
-    return not o.is_static and o.kind not in ("pedestrian", "bicycle")
-
-
-def _state(words: Templates, o: ObstacleFacts) -> str:
-    if o.is_static:
-        return words.say("obstacles", "state_static")
-    if math.isnan(o.speed):
-        return words.say("obstacles", "state_unknown", heading=o.heading)
-    values = {"speed": o.speed, "heading": o.heading, "acceleration": o.acceleration}
-    if o.steering_angle is None:
-        return words.say("obstacles", "state", **values)
-    return words.say("obstacles", "state_steering", steering=o.steering_angle, **values)
-
-
-def _collision(words: Templates, o: ObstacleFacts) -> str:
-    if math.isnan(o.time_to_collision):
-        return words.say("obstacles", "collision_unknown")
-    if math.isinf(o.time_to_collision):
-        in_path = o.relation == "same" and o.lateral_gap == 0.0
-        return words.say("obstacles", "collision_never" if in_path else "collision_never_path")
-    if o.time_to_collision > _LONG:
-        return words.say("obstacles", "collision_late", time=_LONG)
-    return words.say("obstacles", "collision", time=o.time_to_collision)
-
-
-def _side(offset: float) -> str:
-    return "left" if offset > 0.0 else "right"

@@ -4,6 +4,7 @@ from sandra.rankers.ahead import Ahead, begin
 from sandra.rankers.answer import parse_answer
 from sandra.rankers.registry import CHOICES, as_ranker, ask, create
 from sandra.rankers.types import Failure, Ranker, Ranking
+from sandra.rankers.usage import Usage, total
 
 __all__ = [
     "CHOICES",
@@ -11,9 +12,11 @@ __all__ = [
     "Failure",
     "Ranker",
     "Ranking",
+    "Usage",
     "as_ranker",
     "ask",
     "begin",
     "create",
     "parse_answer",
+    "total",
 ]

@@ -17,12 +17,14 @@ from sandra.describe.types import Prompt
 from sandra.errors import ActionError
 from sandra.rankers.types import Failure, Ranking
 
-MAX_ANSWER = 1_000_000
+MAX_ANSWER = 200_000
 """Longest answer that is read [characters]."""
 _MOST_ITEMS = 100
 """Items of a ranking that are looked at."""
 _MOST_STARTS = 200
 """Braces in an answer at which an object is looked for."""
+_MOST_READ = 1_000_000
+"""Characters that are read while looking for objects: one within the other is read many times."""
 
 
 def parse_answer(text: str, prompt: Prompt, ranker: str, *, ended_early: bool = False) -> Ranking:
@@ -137,11 +139,12 @@ def _find(text: str) -> tuple[list[Any] | None, str | None, bool]:
 
 def _objects(text: str) -> Iterator[dict[str, Any]]:
     """The JSON objects in a text that are not part of another one."""
-    at = text.find("{")
+    at, left = text.find("{"), _MOST_READ
     for _ in range(_MOST_STARTS):
-        if at < 0:
+        if at < 0 or left < 0:
             return
         value, end = _decode(text, at)
+        left -= end - at
         if isinstance(value, dict):
             yield value
         at = text.find("{", end if value is not None else at + 1)
@@ -171,25 +174,24 @@ def _begun_ranking(text: str) -> list[Any] | None:
 def _breaks_off(text: str) -> bool:
     """Whether an object in the text is cut off by the end of the text."""
     text = text.rstrip()
-    at = text.find("{")
+    at, left = text.find("{"), _MOST_READ
     for _ in range(_MOST_STARTS):
-        if at < 0:
+        if at < 0 or left < 0:
             return False
-        try:
-            _, end = json.JSONDecoder().raw_decode(text, at)
-        except json.JSONDecodeError as error:
-            if error.pos >= len(text) or error.msg.startswith("Unterminated string"):
-                return True
-            end = at + 1
-        except (ValueError, RecursionError):
-            end = at + 1
-        at = text.find("{", end)
+        value, end = _decode(text, at)
+        if value is None and end >= len(text):
+            return True
+        left -= end - at
+        at = text.find("{", end if value is not None else at + 1)
     return False
 
 
 def _decode(text: str, start: int) -> tuple[Any, int]:
-    """The JSON value that starts here and its end; (None, start) if there is none."""
+    """The JSON value that starts here and its end; (None, how far it can be read) without one."""
     try:
         return json.JSONDecoder().raw_decode(text, start)
-    except (ValueError, RecursionError):  # ValueError: bad JSON, or a number of too many digits
+    except json.JSONDecodeError as error:
+        cut = error.msg.startswith("Unterminated string")
+        return None, len(text) if cut else max(error.pos, start)
+    except (ValueError, RecursionError):  # a number of too many digits, or too deep
         return None, start

@@ -15,9 +15,11 @@ from sandra.describe.types import Prompt
 from sandra.errors import RankerError
 from sandra.rankers.answer import parse_answer, parse_reasoning
 from sandra.rankers.bounded import Deadline, Running
-from sandra.rankers.endpoint import Content, Endpoint, Problem, Question
+from sandra.rankers.client import Problem
+from sandra.rankers.endpoint import Asks, Content, Endpoint, Exchange, Question
 from sandra.rankers.stream import Reply
 from sandra.rankers.types import Failure, Ranking
+from sandra.rankers.usage import total
 
 DEADLINE = 30.0
 """Wall-clock time for one ranking if no other is given [s]."""
@@ -31,6 +33,8 @@ class ChatRanker:
         base_url: of the server, up to `/v1`; default: OPENAI_BASE_URL, else OpenAI's.
         deadline: for one ranking, over all attempts [s].
         temperature, seed: sampling parameters; not sent unless given, some models refuse them.
+        endpoint: who is asked instead of `/chat/completions` of a server.
+        name: default `openai:MODEL`.
 
     Raises:
         RankerError: no model, no key for OpenAI's own server, or a bad address or deadline.
@@ -44,17 +48,19 @@ class ChatRanker:
         deadline: float = DEADLINE,
         temperature: float | None = None,
         seed: int | None = None,
+        endpoint: Asks | None = None,
+        name: str | None = None,
     ) -> None:
         if not model.strip():
             raise RankerError("openai: no model named; write for example openai:gpt-4o")
         if not 0.0 < deadline < float("inf"):
             raise RankerError(f"openai: deadline = {deadline} must be a finite number > 0 [s]")
-        self.name = f"openai:{model}"
+        self.name = name or f"openai:{model}"
         self.takes_pictures = True
         self.deadline = deadline
         options = {"temperature": temperature, "seed": seed}
         given = {name: value for name, value in options.items() if value is not None}
-        self._endpoint = Endpoint(model, base_url, given)
+        self._endpoint: Asks = endpoint or Endpoint(model, base_url, given)
 
     def rank(self, prompt: Prompt, deadline: float | None = None) -> Ranking:
         """Ask the model; see `Ranker`. Returns within the deadline (default: `self.deadline`).
@@ -88,7 +94,7 @@ class Reasoning:
     (a prefix cache) has only the ranking left to write; its schema admits only pairs that hold.
     """
 
-    def __init__(self, endpoint: Endpoint, name: str, prompt: Prompt, seconds: float) -> None:
+    def __init__(self, endpoint: Asks, name: str, prompt: Prompt, seconds: float) -> None:
         self._endpoint, self._name, self._prompt = endpoint, name, prompt
         schema = only(prompt.schema, "reasoning")
         question = Question(prompt.system, (("user", content_of(prompt)),), schema)
@@ -112,6 +118,7 @@ class Reasoning:
         text = whole.answer
         if text is None or whole.failure in (Failure.TIMEOUT, Failure.REFUSED, Failure.EMPTY):
             return whole
+        self._first.exchange.keep()
         if whole.failure is None and not whole.warnings:
             return whole  # A server without structured outputs: it has ranked pairs that hold.
         turns = (
@@ -124,7 +131,13 @@ class Reasoning:
         self._second = Asked(self._endpoint, self._name, question, left, self._first.seconds)
         ranking = self._second.ranking(prompt)
         answer = "\n".join(part for part in (text, ranking.answer) if part)
-        return replace(ranking, reasoning=parse_reasoning(text), answer=answer)
+        return replace(
+            ranking,
+            reasoning=parse_reasoning(text),
+            answer=answer,
+            usage=total((whole.usage, ranking.usage)),
+            recorded_s=_both(whole.recorded_s, ranking.recorded_s),
+        )
 
     def stop(self) -> None:
         """See `Ahead`. The connection is closed when the next piece arrives."""
@@ -142,7 +155,7 @@ class Asked:
 
     def __init__(
         self,
-        endpoint: Endpoint,
+        endpoint: Asks,
         name: str,
         question: Question,
         seconds: float,
@@ -152,13 +165,19 @@ class Asked:
         self.deadline = Deadline(seconds)
         self._name = name
         self._told = seconds if told is None else told
-        self._replies: list[Reply] = []
+        self.exchange = Exchange()
         self.running: Running[Problem | Reply] = Running(
-            lambda: endpoint.ask(question, self.deadline, self._replies), name
+            lambda: endpoint.ask(question, self.deadline, self.exchange), name
         )
 
     def ranking(self, prompt: Prompt) -> Ranking:
-        """The ranking in the answer, waited for until the deadline."""
+        """The ranking in the answer, waited for until the deadline; kept if it is whole."""
+        ranking = self._ranking(prompt)
+        if ranking.failure is None:
+            self.exchange.keep()
+        return replace(ranking, usage=self.exchange.usage, recorded_s=self.exchange.recorded)
+
+    def _ranking(self, prompt: Prompt) -> Ranking:
         outcome = self.running.wait(self.deadline.left)
         if outcome.error is not None:
             return Ranking((), self._name, Failure.INTERNAL, one_line(outcome.error, 300))
@@ -167,14 +186,15 @@ class Asked:
             return Ranking((), self._name, problem.failure, one_line(problem.detail, 300))
         # Not "is the deadline over": an answer in time may be looked at later.
         late = outcome.late or self.running.duration > self.seconds
-        if not self._replies:
+        reply = self.exchange.reply
+        if reply is None:
             return self._late(Ranking((), self._name))
-        ranking = self._read(self._replies[-1], prompt, late)
+        ranking = self._read(reply, prompt, late)
         return self._late(ranking) if late and _is_cut(ranking) else ranking
 
     def _read(self, reply: Reply, prompt: Prompt, late: bool) -> Ranking:
         if reply.refusal or reply.finish == "content_filter":
-            words = "".join(reply.refusal) or "stopped by the content filter"
+            words = reply.refusal_text or "stopped by the content filter"
             detail = one_line(words, 300)
             return Ranking((), self._name, Failure.REFUSED, detail, answer=reply.text or None)
         early = reply.ended_early or reply.finish == "length" or late
@@ -189,6 +209,11 @@ class Asked:
         if ranking.pairs:
             detail += f"; {len(ranking.pairs)} pairs had arrived"
         return replace(ranking, failure=Failure.TIMEOUT, detail=detail)
+
+
+def _both(first: float | None, second: float | None) -> float | None:
+    """The recorded duration of two answers; None unless both are recorded [s]."""
+    return None if first is None or second is None else first + second
 
 
 def _is_cut(ranking: Ranking) -> bool:

@@ -6,6 +6,7 @@ import importlib
 import math
 import re
 from collections.abc import Callable
+from pathlib import Path
 
 from sandra.actions import ActionPair
 from sandra.describe.types import Prompt
@@ -15,12 +16,14 @@ from sandra.rankers.adversarial import AdversarialRanker
 from sandra.rankers.chat import DEADLINE, ChatRanker
 from sandra.rankers.misbehaving import AlwaysRanker, GarbageRanker, LateRanker
 from sandra.rankers.rules import RulesRanker
+from sandra.rankers.servers import SERVERS, server_ranker
 from sandra.rankers.simple import Answer, ExhaustiveRanker, PlugIn, RandomRanker, plug_in
 from sandra.rankers.types import Ranker, Ranking
 
 CHOICES = (
-    "openai:MODEL, rules, random[:SEED], exhaustive, replay:FILE[#column=value], adversarial, "
-    "always:PAIR, garbage, late:SECONDS, or module:attribute of your own"
+    "openai:MODEL, ollama:MODEL, vllm:MODEL, rules, random[:SEED], exhaustive, "
+    "replay:FILE[#column=value], adversarial, always:PAIR, garbage, late:SECONDS, "
+    "or module:attribute of your own"
 )
 _PLAIN: dict[str, Callable[[], Ranker]] = {
     "rules": RulesRanker,
@@ -49,25 +52,36 @@ def create(
     deadline: float = DEADLINE,
     temperature: float | None = None,
     seed: int | None = None,
+    cache: str | Path | None = None,
+    max_concurrent: int | None = None,
 ) -> Ranker:
     """Make a ranker.
 
     Args:
         spec: one of `CHOICES`. `module:attribute` is imported: a class (made without arguments),
             an object with `rank(prompt, deadline)`, or a function of a prompt.
-        base_url: of an OpenAI-compatible server, for `openai:`.
-        deadline: wall-clock time for one ranking [s], for `openai:` and for plug-ins.
-        temperature: for `openai:`; not sent if None.
-        seed: for `openai:` (not sent if None), and for `random` without a seed of its own.
+        base_url: of an OpenAI-compatible server, for `openai:`, `ollama:` and `vllm:`.
+        deadline: wall-clock time for one ranking [s], for models and for plug-ins.
+        temperature: for models on servers; not sent if None.
+        seed: likewise (not sent if None), and for `random` without a seed of its own.
+        cache: folder in which the answers of servers are kept; None keeps none.
+        max_concurrent: requests to a server at once, over all processes of this user.
 
     Raises:
         RankerError: unknown spec, missing key, unreadable recording, or a plug-in that cannot be
             imported.
     """
     kind, colon, rest = spec.strip().partition(":")
-    if kind == "openai":
-        return ChatRanker(
-            rest, base_url=base_url, deadline=deadline, temperature=temperature, seed=seed
+    if kind in SERVERS and colon:
+        return server_ranker(
+            kind,
+            rest,
+            base_url=base_url,
+            deadline=deadline,
+            cache=cache,
+            max_concurrent=max_concurrent,
+            temperature=temperature,
+            seed=seed,
         )
     if kind == "random":
         return RandomRanker(_seed(rest) if colon else seed or 0)

@@ -7,37 +7,68 @@ A server that answers with one plain JSON body instead is understood as well.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
 from sandra.rankers.answer import MAX_ANSWER
 from sandra.rankers.bounded import Deadline
+from sandra.rankers.secret import Secret
 from sandra.rankers.types import Failure
+from sandra.rankers.usage import Usage, told_by_server
 
 MAX_WIRE = 16_000_000
 """Most bytes of a response that are read: events carry much more frame than text."""
+MAX_EVENT = 1_000_000
+"""Longest piece that is parsed, an event or a whole body [bytes]: nothing else runs meanwhile."""
+MAX_REFUSAL = 2000
+"""So much of the words of a refusal is kept [characters]."""
 
 
 @dataclass(slots=True)
 class Reply:
     """What has arrived so far. Written by one thread; another may read `text` at any time."""
 
-    pieces: list[str] = field(default_factory=list)
-    refusal: list[str] = field(default_factory=list)
+    pieces: list[str] = field(default_factory=list, repr=False)
+    refusal: list[str] = field(default_factory=list, repr=False)
     finish: str | None = None
     length: int = 0
+    begun: bool = False
+    """The head of a response that is no error has come."""
+    refused: bool = False
+    """It was an error, or nobody was there: nothing was worked on."""
     ended_early: bool = False
     failure: Failure | None = None
     detail: str | None = None
+    usage: Usage | None = None
+    """What the server counted; None if it did not tell, or not yet."""
+    hide: Secret = field(default_factory=Secret)
+    """Takes our key out of what the server says."""
 
     @property
     def text(self) -> str:
         """The answer's text so far."""
-        return "".join(self.pieces)
+        return self.hide("".join(self.pieces))
+
+    @property
+    def refusal_text(self) -> str:
+        """The words of a refusal so far."""
+        return self.hide("".join(self.refusal))
+
+    @property
+    def whole(self) -> bool:
+        """Whether the model came to its end by itself."""
+        cut = self.ended_early or self.failure is not None or bool(self.refusal)
+        return not cut and self.finish in (None, "stop")
 
 
-def read(blocks: Iterable[bytes], content_type: str, reply: Reply, deadline: Deadline) -> None:
+def read(
+    blocks: Iterable[bytes],
+    content_type: str,
+    reply: Reply,
+    deadline: Deadline,
+    take: Callable[[bytes, Reply], None] | None = None,
+) -> None:
     """Fill `reply` from a response body until it ends, or a limit or the deadline is met.
 
     Args:
@@ -45,15 +76,17 @@ def read(blocks: Iterable[bytes], content_type: str, reply: Reply, deadline: Dea
         content_type: of the response.
         reply: filled as the body arrives.
         deadline: looked at whenever something arrives.
+        take: takes one event's data, or the whole body; default: of a chat completion.
     """
+    take = take or _take
     limited = _limited(blocks, reply, deadline)
     if "text/event-stream" in content_type:
-        for data in _events(limited):
+        for data in _events(limited, reply):
             if data == b"[DONE]" or reply.ended_early or reply.failure is not None:
                 return
-            _take(data, reply)
+            take(data, reply)
         return
-    _take(b"".join(limited), reply)
+    take(b"".join(_pieces_of_one(limited, reply)), reply)
 
 
 def _limited(blocks: Iterable[bytes], reply: Reply, deadline: Deadline) -> Iterator[bytes]:
@@ -69,16 +102,36 @@ def _limited(blocks: Iterable[bytes], reply: Reply, deadline: Deadline) -> Itera
             return
 
 
-def _events(blocks: Iterable[bytes]) -> Iterator[bytes]:
-    """The data of each server-sent event; events of several data lines are not used here."""
-    rest = b""
+def _pieces_of_one(blocks: Iterable[bytes], reply: Reply) -> Iterator[bytes]:
+    """The blocks of a body that is one piece, unless it becomes too long."""
+    size = 0
     for block in blocks:
-        *lines, rest = (rest + block).split(b"\n")
-        for line in lines:
+        size += len(block)
+        if size > MAX_EVENT:
+            reply.ended_early = True
+            return
+        yield block
+
+
+def _events(blocks: Iterable[bytes], reply: Reply) -> Iterator[bytes]:
+    """The data of each server-sent event; events of several data lines are not used here."""
+    begun: list[bytes] = []
+    size = 0
+    for block in blocks:
+        *ends, rest = block.split(b"\n")
+        for end in ends:
+            line = b"".join((*begun, end))
+            begun, size = [], 0
             if line.startswith(b"data:"):
                 yield line[5:].strip()
-    if rest.startswith(b"data:"):
-        yield rest[5:].strip()
+        begun.append(rest)
+        size += len(rest)
+        if size > MAX_EVENT:
+            reply.ended_early = True
+            return
+    line = b"".join(begun)
+    if line.startswith(b"data:"):
+        yield line[5:].strip()
 
 
 def _take(data: bytes, reply: Reply) -> None:
@@ -92,8 +145,11 @@ def _take(data: bytes, reply: Reply) -> None:
     if isinstance(body, dict) and body.get("error"):
         error = body["error"]
         words = error.get("message") if isinstance(error, dict) else error
-        reply.failure, reply.detail = Failure.SERVER_ERROR, str(words)
+        detail = words if isinstance(words, str) else "an error without words"
+        reply.failure, reply.detail = Failure.SERVER_ERROR, reply.hide(detail)
         return
+    if isinstance(body, dict):
+        reply.usage = told_by_server(body.get("usage")) or reply.usage
     choice = _first_choice(body)
     if choice is None:
         # Streams end with a chunk that only counts tokens; a whole body needs a choice.
@@ -107,7 +163,7 @@ def _take(data: bytes, reply: Reply) -> None:
             reply.pieces.append(content[: MAX_ANSWER + 1 - reply.length])
             reply.length += len(content)
         if isinstance(refusal, str) and refusal:
-            reply.refusal.append(refusal[:2000])
+            reply.refusal.append(refusal[: MAX_REFUSAL - sum(map(len, reply.refusal))])
     finish = choice.get("finish_reason")
     if isinstance(finish, str):
         reply.finish = finish

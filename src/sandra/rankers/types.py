@@ -8,6 +8,7 @@ from typing import Protocol, runtime_checkable
 
 from sandra.actions import ActionPair
 from sandra.describe.types import Prompt
+from sandra.rankers.usage import Usage
 
 
 class Failure(Enum):
@@ -52,6 +53,15 @@ class Ranking:
     reasoning: str | None = None
     answer: str | None = None
     """The raw answer of a model, as far as it was read."""
+    usage: Usage | None = None
+    """What it cost; None where no server was asked."""
+    recorded_s: float | None = None
+    """The answer is from the cache on disk; so long the server had once taken for it [s]."""
+
+    @property
+    def cached(self) -> bool:
+        """Whether the answer is from the cache on disk."""
+        return self.recorded_s is not None
 
 
 @runtime_checkable

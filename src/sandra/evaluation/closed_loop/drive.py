@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
@@ -13,7 +13,9 @@ from sandra.errors import SettingsError
 from sandra.evaluation.closed_loop.driven import Outcome, outcome, run_of, unverified
 from sandra.evaluation.closed_loop.metrics import Convention
 from sandra.planning import Weights
-from sandra.rankers import create
+from sandra.rankers import Ranker, create
+from sandra.rankers.client import address_of
+from sandra.rankers.usage import Usage, cost, load_prices, total
 from sandra.settings import Settings
 from sandra.simulation.episode import Episode, Step, drive
 from sandra.simulation.highway import SETTINGS, Environment, Traffic, highway
@@ -31,6 +33,8 @@ ENVIRONMENTS = {
 HORIZONS = {"most-likely": 15, "constant-velocity": 15, "set-based": 8}
 """Steps that are verified, by prediction (paper Tab. "General parameters", highway-env)."""
 EXECUTIONS = ("trajectory", "meta")
+_ASIDE = ("cache", "max_concurrent", "prices")
+"""What changes how a server is asked, and not what is driven."""
 DRIVER = Weights(jerk=0.05, lateral=0.1, change=5.0, speed=3.0, desired_speed=30.0)
 """What a brisk driver asks of a trajectory; it chooses among those that hold."""
 
@@ -64,6 +68,12 @@ class Drive:
     deadline: float = 30.0
     base_url: str | None = None
     prompt_options: PromptOptions = field(default_factory=PromptOptions)
+    cache: str | None = None
+    """Folder of answers that are kept."""
+    max_concurrent: int | None = None
+    """Requests to the server at once, over all processes."""
+    prices: str | None = None
+    """File with prices of models; see `sandra.rankers.usage.load_prices`."""
     settings: Settings = field(default_factory=Settings)
     """Its `assumptions` are those that are verified with."""
     assumptions: str = "paper"
@@ -81,6 +91,10 @@ class Drive:
             )
         if self.driver is not None:
             policy(self.driver)
+        if self.base_url is not None:
+            address_of(self.base_url)  # one with a password is refused before it is written
+        if self.prices is not None:
+            load_prices(self.prices)
         if self.steps < 1:
             raise SettingsError(f"steps = {self.steps} must be at least 1")
 
@@ -101,10 +115,25 @@ class Drive:
             return highway(self.setting, self.profile)
         return highway(Traffic(environment=ENVIRONMENTS[self.environment]), self.profile)
 
+    def asked(self) -> Ranker:
+        """Who ranks."""
+        return create(
+            self.ranker,
+            base_url=self.base_url,
+            deadline=self.deadline,
+            cache=self.cache,
+            max_concurrent=self.max_concurrent,
+        )
+
+    def cost(self, usages: Iterable[Usage | None]) -> dict[str, Any] | None:
+        """What was asked of a server and its price, for JSON; None where no server was asked."""
+        prices = {} if self.prices is None else load_prices(self.prices)
+        return cost(total(usages), self.ranker, prices)
+
     def decider(self) -> Decider:
         """Who decides, without any memory yet."""
         return Decider(
-            create(self.ranker, base_url=self.base_url, deadline=self.deadline),
+            self.asked(),
             self.command,
             emergency_braking=self.emergency_braking,
             walk=self.walk,
@@ -135,7 +164,7 @@ class Drive:
         theirs = {**_plain(Drive().to_dict()), **_plain(other)}
         found = [x.name for x in fields(self) if theirs.get(x.name) != mine[x.name]]
         # What is assumed are the values in the settings; the name is none of it.
-        found = [name for name in found if name not in ("assumptions", "settings")]
+        found = [name for name in found if name not in ("assumptions", "settings", *_ASIDE)]
         values, other_values = mine["settings"], theirs["settings"]
         if values.pop("assumptions") != other_values.pop("assumptions", None):
             found.append("assumptions")
@@ -171,7 +200,7 @@ def play(
         episode = drive_meta(
             how.world(),
             seed,
-            create(how.ranker, base_url=how.base_url, deadline=how.deadline),
+            how.asked(),
             how.command,
             name=name,
             steps=how.steps,

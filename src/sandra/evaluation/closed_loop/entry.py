@@ -11,6 +11,7 @@ from typing import Any
 from sandra.evaluation.closed_loop.metrics import Summary
 from sandra.evaluation.closed_loop.paper import Printed, printed
 from sandra.evaluation.closed_loop.rows import Row
+from sandra.rankers import Usage
 
 RULES = ("R_G1", "R_G2", "R_G3")
 
@@ -28,6 +29,13 @@ class Entry:
     """How often each pair, or meta-action, was driven."""
     broken: tuple[str, ...] = ()
     """Episodes that broke off with an error."""
+    usage: Usage | None = None
+    """What was asked of a server; None if none was."""
+
+    @property
+    def ranker(self) -> str:
+        """Who ranked in its episodes."""
+        return self.row.drives[0].ranker
 
 
 def main_cells(entry: Entry) -> tuple[str, ...]:

@@ -102,15 +102,18 @@ class RunFolder:
                 on_step(step)
 
             episode, found = play(how, seed, note)
-        return self._finish(draft, seed, episode, found)
+        return self._finish(draft, how, seed, episode, found)
 
-    def _finish(self, draft: Path, seed: int, episode: Episode, found: Outcome) -> dict[str, Any]:
+    def _finish(
+        self, draft: Path, how: Drive, seed: int, episode: Episode, found: Outcome
+    ) -> dict[str, Any]:
         recording = episode.recording
         write(recording.scene, draft / "scenario.xml", source="sandra drive, highway-env")
         told = {
             "seed": seed,
             **found.to_dict(),
             "told": found.told(),
+            "cost": how.cost(step.decision.ranking.usage for step in episode.steps),
             "crashed": {str(i): tick for i, tick in recording.crashed.items()},
             "ticks": len(recording.ego) - 1,
             "ticks_per_step": episode.ticks_per_step,

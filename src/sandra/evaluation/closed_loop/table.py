@@ -36,6 +36,7 @@ from sandra.evaluation.closed_loop.paper import TABLE
 from sandra.evaluation.closed_loop.rows import Row
 from sandra.evaluation.closed_loop.sheet import Sheet
 from sandra.evaluation.workers import Broken, in_order
+from sandra.rankers import Usage, total
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +55,12 @@ class Table:
             for entry in self.entries
             for words in entry.broken
         )
+
+    def usages(self) -> dict[str, Usage]:
+        """What was asked of servers, by ranker."""
+        rankers = dict.fromkeys(e.ranker for e in self.entries)
+        found = {r: total(e.usage for e in self.entries if e.ranker == r) for r in rankers}
+        return {ranker: usage for ranker, usage in found.items() if usage is not None}
 
     def main(self) -> Sheet:
         """The paper's metrics, with the paper's rows, and beside our rows those of the paper."""
@@ -117,6 +124,7 @@ class Table:
                     "setting": e.setting,
                     **({} if e.summary is None else asdict(e.summary)),
                     "broken": list(e.broken),
+                    "usage": None if e.usage is None else e.usage.to_dict(),
                     "paper": paper_dict(e),
                 }
                 for e in self.entries
@@ -183,6 +191,7 @@ def _entry(
     convention: Convention,
 ) -> Entry:
     found, proofs, folders, pairs = [], [], list[Path](), Counter[str]()
+    costs = []
     for folder, seed in mine:
         data = folder.metrics(seed)
         if data is not None:
@@ -190,6 +199,7 @@ def _entry(
             proofs.append(proofs_of(data))
             folders.append(folder.episode(seed))
             pairs.update(data["pairs"])
+            costs.append(data.get("cost"))
     broken = tuple(
         f"seed {seed}: {errors[folder.path, seed]}"
         for folder, seed in mine
@@ -197,7 +207,8 @@ def _entry(
     )
     verified = [x for x in proofs if x is not None]
     summary = summarise(found, verified) if found else None
-    return Entry(row, setting, summary, tuple(folders), dict(pairs), broken)
+    usage = total(Usage.of_dict(x["usage"]) for x in costs if x)
+    return Entry(row, setting, summary, tuple(folders), dict(pairs), broken, usage)
 
 
 def counted(data: dict[str, Any], convention: Convention) -> Metrics:

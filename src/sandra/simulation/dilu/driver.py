@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from sandra.describe.outside import one_line
 from sandra.errors import RankerError, SettingsError
 from sandra.rankers.bounded import Deadline, run_within
-from sandra.rankers.endpoint import Endpoint, Problem, Question
-from sandra.rankers.stream import Reply
+from sandra.rankers.client import Problem
+from sandra.rankers.endpoint import Endpoint, Exchange, Question
 from sandra.rankers.types import Failure
 from sandra.simulation.dilu.embedding import Embedding, HashedWords
 from sandra.simulation.dilu.memory import Experience, Memory, load
@@ -164,9 +164,9 @@ class DiLu:
 
     def _ask(self, question: Question, deadline: Deadline) -> str | Problem:
         """The text of the model's answer."""
-        replies: list[Reply] = []
+        exchange = Exchange()
         outcome = run_within(
-            deadline.left, lambda: self._endpoint.ask(question, deadline, replies), self.name
+            deadline.left, lambda: self._endpoint.ask(question, deadline, exchange), self.name
         )
         if outcome.error is not None:
             return Problem(Failure.INTERNAL, outcome.error)
@@ -176,7 +176,7 @@ class DiLu:
         if isinstance(reply, Problem):
             return reply
         if reply.refusal or reply.finish == "content_filter":
-            return Problem(Failure.REFUSED, "".join(reply.refusal) or "stopped by the filter")
+            return Problem(Failure.REFUSED, reply.refusal_text or "stopped by the filter")
         if reply.failure is not None and not reply.text:
             return Problem(reply.failure, reply.detail or "")
         if not reply.text.strip():

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from sandra.errors import RankerError
 from sandra.rankers.bounded import Deadline, run_within
-from sandra.rankers.endpoint import Problem, client_for, problem_of
+from sandra.rankers.client import Problem, client_for, problem_of
 from sandra.rankers.types import Failure
 
 Array = NDArray[np.float64]

@@ -12,7 +12,7 @@ import numpy as np
 
 from sandra.errors import SettingsError
 from sandra.rankers.bounded import Deadline
-from sandra.rankers.endpoint import Problem
+from sandra.rankers.client import Problem
 from sandra.simulation.dilu.embedding import Array, Embedding
 
 
