@@ -93,10 +93,19 @@ def test_lanes_have_their_colours_and_widths() -> None:
     assert at["ground"].size > 400
 
 
-def test_an_arrow_is_as_long_as_the_way_of_a_second() -> None:
+def test_a_lane_whose_points_are_far_away_is_drawn() -> None:
+    road = Road(0.9)
+    ends = [np.array([road.at(s, d) for s in (-900.0, 900.0)]) for d in (1.75, -1.75)]
+    lane = road.lane("current", 0, left=ends[0], right=ends[1])
+    image = pixels(picture(road.scene(lanes=(lane,)), "ego"))
+    assert (image[50, 256] == CURRENT).all()
+    assert (image[50, 100] == GROUND).all()
+
+
+def test_an_arrow_is_as_long_as_the_way_of_half_a_second() -> None:
     road = Road()
     still = pixels(picture(road.scene(speed=0.0), "ego"))
-    moving = pixels(picture(road.scene(speed=12.0), "ego"))
+    moving = pixels(picture(road.scene(speed=24.0), "ego"))
     rows, columns = np.nonzero((still != moving).any(axis=2))
     assert columns.min() > EGO[0] - 8
     assert columns.max() < EGO[0] + 8

@@ -13,8 +13,10 @@ import pytest
 from PIL import Image
 
 import sandra
-from sandra.describe import Prompt, PromptOptions, describe, narrow
-from sandra.rankers import create
+from chat_server import chat_server
+from hostile_server import body, error
+from sandra.describe import Prompt, PromptOptions, answered, describe, narrow
+from sandra.rankers import Failure, create
 from sandra.scene.types import Scene
 from slow_server import Pace, SlowServer, slow_server
 from straight_road import Road
@@ -117,6 +119,42 @@ def test_a_whole_decision_with_a_picture(server: SlowServer) -> None:
     assert not decision.ranking.warnings
     image = look(messages(server)[1])
     assert centre(image, BLUE) == pytest.approx([255.5, 383.5], abs=1.0)
+
+
+def test_the_responses_api_has_other_names_for_the_parts() -> None:
+    # What its documentation gives for a message with a picture.
+    with chat_server(body({"output": []})) as server:
+        create("openai:vision#api=responses", base_url=server.url).rank(prompt("ego"), 5.0)
+    system, user = server.requests[0]["input"]
+    assert isinstance(system["content"], str)
+    text, image = user["content"]
+    assert text == {"type": "input_text", "text": prompt("ego").user}
+    assert image == {"type": "input_image", "image_url": prompt("ego").picture.data_url}  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize("status", [400, 404, 500])
+def test_a_model_without_eyes_is_a_named_failure(status: int) -> None:
+    with chat_server(error(status, "image input is not supported")) as server:
+        decision = sandra.decide(
+            scene(),
+            "openai:blind",
+            base_url=server.url,
+            horizon=6,
+            accept="reachable",
+            prompt_options=PromptOptions(picture="ego"),
+        )
+    expected = Failure.SERVER_ERROR if status == 500 else Failure.REJECTED
+    assert decision.ranking.failure is expected
+    assert "image input is not supported" in (decision.ranking.detail or "")
+    assert decision.maneuver.kind == "fail-safe"
+    # It is not asked anything else.
+    assert all(isinstance(r["messages"][1]["content"], list) for r in server.requests)
+
+
+def test_a_repaired_ranking_sees_the_picture_again() -> None:
+    question = prompt("ego")
+    again = answered(question, {}, unusable="it was no JSON")
+    assert again.picture == question.picture
 
 
 class Looks:

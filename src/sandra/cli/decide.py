@@ -133,7 +133,7 @@ def _decide(arguments: argparse.Namespace) -> int:
         print_json({**decision.to_dict(), "cost": money, **files})
         return 0
     print(render(decision.prompt))
-    print(tokens(decision.prompt))
+    print(tokens(decision.prompt, getattr(ranker, "count_tokens", None)))
     if picture:
         print(f"picture of the prompt: {picture}")
     print()

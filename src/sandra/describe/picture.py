@@ -28,6 +28,8 @@ SCALE = 0.2
 """Length of a pixel [m]."""
 BELOW = 25.6
 """With the ego's heading up, the ego is this far from the lower edge; else in the middle [m]."""
+ARROW = 0.5
+"""An arrow is as long as the way at the present velocity within this time [s]."""
 _FINE = 2
 """The picture is drawn so many times larger, then made small: edges become smooth."""
 _SMALL = 1.0
@@ -84,15 +86,15 @@ class _Canvas:
             self.points(xy), fill=colour, width=max(1, round(width * _FINE)), joint="curve"
         )
 
-    def velocity(self, length: float, state: State | None) -> None:
-        """An arrow from the end of a body of a length, as long as its way within a second."""
-        if state is None or not abs(state.speed) > _SHORTEST_ARROW:
+    def velocity(self, length: float, state: State) -> None:
+        """An arrow from the end of a body of a length, as long as its way within `ARROW`."""
+        if not abs(state.speed) > _SHORTEST_ARROW:
             return
         along = np.array([math.cos(state.heading), math.sin(state.heading)])
         along *= math.copysign(1.0, state.speed)
         aside = np.array([-along[1], along[0]])
         tail = np.array([state.x, state.y]) + along * length / 2
-        tip = tail + abs(state.speed) * along
+        tip = tail + ARROW * abs(state.speed) * along
         self.line(np.array([tail, tip]), _INK, 1.5)
         head = np.array([tip, tip - 1.4 * along + 0.7 * aside, tip - 1.4 * along - 0.7 * aside])
         self.draw.polygon(self.points(head), fill=_INK)
@@ -122,13 +124,15 @@ def bird_eye(
         np.array([SIZE / 2, row]),
     )
     _road(canvas, scene)
-    for obstacle in obstacles:
-        moves = not obstacle.is_static and obstacle.speed_is_known
-        canvas.body(obstacle.outline, obstacle.state, _colour(obstacle))
-        canvas.velocity(obstacle.length, obstacle.state if moves else None)
     _lights(canvas, scene)
-    canvas.body(scene.ego.outline, state, _EGO)
+    # Arrows first: none of them hides a body.
     canvas.velocity(scene.ego.length, state)
+    for obstacle in obstacles:
+        if not obstacle.is_static and obstacle.speed_is_known:
+            canvas.velocity(obstacle.length, obstacle.state)
+    for obstacle in obstacles:
+        canvas.body(obstacle.outline, obstacle.state, _colour(obstacle))
+    canvas.body(scene.ego.outline, state, _EGO)
     small = large.reduce(_FINE)
     _ids(ImageDraw.Draw(small), canvas, obstacles, told)
     file = io.BytesIO()
