@@ -124,7 +124,7 @@ def bird_eye(
         np.array([SIZE / 2, row]),
     )
     _road(canvas, scene)
-    _lights(canvas, scene)
+    lights = _lights(canvas, scene)
     # Arrows first: none of them hides a body.
     canvas.velocity(scene.ego.length, state)
     for obstacle in obstacles:
@@ -134,7 +134,7 @@ def bird_eye(
         canvas.body(obstacle.outline, obstacle.state, _colour(obstacle))
     canvas.body(scene.ego.outline, state, _EGO)
     small = large.reduce(_FINE)
-    _ids(ImageDraw.Draw(small), canvas, obstacles, told)
+    _ids(ImageDraw.Draw(small), canvas, obstacles, told, lights)
     file = io.BytesIO()
     small.save(file, "PNG")
     return Picture(file.getvalue(), SIZE, SIZE, up, SCALE)
@@ -158,14 +158,18 @@ def _comes_near(lanelet: Lanelet, place: Array, far: float) -> bool:
     return bool((outline.min(axis=0) < far).all() and (outline.max(axis=0) > -far).all())
 
 
-def _lights(canvas: _Canvas, scene: Scene) -> None:
-    """A bar across the ego's lane at each stop line ahead."""
+def _lights(canvas: _Canvas, scene: Scene) -> list[Array]:
+    """A bar across the ego's lane at each stop line ahead; the boxes around them [pixel]."""
+    boxes: list[Array] = []
     s = scene.ego_curvilinear[0]
     for light in scene.lights:
         if light.distance >= 0.0:
             at = s + scene.ego.length / 2 + light.distance
             ends = scene.frame.to_cartesian(np.array([[at, -1.75], [at, 1.75]]))
             canvas.line(ends, _LIGHTS.get(light.state, _BORDER), 3.0)
+            pixels = np.array(canvas.points(ends)) / _FINE
+            boxes.append(np.concatenate([pixels.min(axis=0) - 2, pixels.max(axis=0) + 2]))
+    return boxes
 
 
 def _colour(obstacle: Obstacle) -> str:
@@ -174,8 +178,14 @@ def _colour(obstacle: Obstacle) -> str:
     return _STATIC if obstacle.is_static else _VEHICLE
 
 
-def _ids(draw: Any, canvas: _Canvas, obstacles: Sequence[Obstacle], told: Collection[int]) -> None:
-    """Each id beside its body, where it hides no other body and no other id if that is possible."""
+def _ids(
+    draw: Any,
+    canvas: _Canvas,
+    obstacles: Sequence[Obstacle],
+    told: Collection[int],
+    lights: Sequence[Array],
+) -> None:
+    """Each id beside its body, where it hides no other body, light or id if that is possible."""
     from PIL import ImageFont
 
     font = ImageFont.load_default(11)
@@ -184,6 +194,7 @@ def _ids(draw: Any, canvas: _Canvas, obstacles: Sequence[Obstacle], told: Collec
         for o in obstacles
     }
     taken = [np.array([x - 8, y - 8, x + 8, y + 8]) for x, y in [*at.values(), canvas.ego]]
+    taken += lights
     for id in (i for i in at if i in told):
         places = []
         for dx, dy, anchor in _BESIDE:
