@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+import sandra
 from sandra.describe import Beams, Picture, PromptOptions, describe, render
 from sandra.describe.picture import BELOW, SCALE, SIZE
 from sandra.errors import SandraError, SettingsError
@@ -179,6 +180,26 @@ def test_the_text_says_what_the_picture_is() -> None:
         assert prompt.system == plain.system
     assert plain.picture is None
     assert "PNG" not in render(prompt)
+
+
+@pytest.mark.parametrize("far", [1e6, 1e12, 1e18])
+def test_what_is_far_away_does_no_harm(far: float) -> None:
+    road = Road(0.7)
+    ends = [np.array([road.at(s, d) for s in (-far, far)]) for d in (1.75, -1.75)]
+    lane = road.lane("current", 0, left=ends[0], right=ends[1])
+    scene = road.scene(
+        road.obstacle(5, far, 0.0, 10.0), road.obstacle(6, 20.0, 0.0, far), lanes=(lane,)
+    )
+    assert centre(pixels(picture(scene, "ego")), BLUE) == pytest.approx(EGO, abs=1.0)
+
+
+@pytest.mark.parametrize("name", sandra.examples())
+def test_every_scenario_of_ours(name: str) -> None:
+    scene = sandra.load(sandra.example(name))
+    assert centre(pixels(picture(scene, "ego")), BLUE) == pytest.approx(EGO, abs=1.0)
+    assert centre(pixels(picture(scene, "north", beams=Beams())), BLUE) == pytest.approx(
+        MIDDLE, abs=1.0
+    )
 
 
 def test_it_is_small_and_always_the_same() -> None:

@@ -177,6 +177,15 @@ def test_nobody_waits_longer_than_the_time_out(
     assert "0.3 s" in (found.problem or "") or "cannot be reached" in (found.problem or "")
 
 
+def test_the_thread_of_a_stalled_question_ends_as_well(server: Server) -> None:
+    server.play = stall
+    OpenWeatherMap(SECRET, base_url=server.url, timeout=0.3).at(MUNICH)
+    for thread in threading.enumerate():
+        if thread.name == "weather":
+            thread.join(2.0)
+            assert not thread.is_alive()
+
+
 def test_no_server(server: Server) -> None:
     server.server_close()
     found = OpenWeatherMap(SECRET, base_url=server.url).at(MUNICH)

@@ -76,6 +76,8 @@ class _Canvas:
         lacking = _SMALL - 2.0 * placed.radius - float((high - low).max())
         radius = placed.radius + max(0.0, lacking / 2.0)
         shape = shapely.MultiPoint(placed.vertices).convex_hull.buffer(max(radius, 1e-3))
+        if shape.is_empty:
+            return  # So far away that its corners are one number.
         edge = colour if colour in (_EGO, _VULNERABLE) else _INK
         corners = self.points(np.array(shape.exterior.coords))
         self.draw.polygon(corners, fill=colour, outline=edge, width=_FINE)

@@ -133,7 +133,9 @@ def _keyed(key: str) -> httpx2.BaseTransport:
     class Keyed(httpx2.HTTPTransport):
         def handle_request(self, request: httpx2.Request) -> httpx2.Response:
             url = request.url.copy_merge_params({"appid": key})
-            inner = httpx2.Request(request.method, url, headers=request.headers)
+            inner = httpx2.Request(
+                request.method, url, headers=request.headers, extensions=request.extensions
+            )
             return super().handle_request(inner)
 
     return Keyed()
