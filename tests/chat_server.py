@@ -1,4 +1,4 @@
-"""A chat server on the loopback interface that notes what it is asked, and plays what it is told."""
+"""A chat server on the loopback interface: it notes what it is asked, and plays what it is told."""
 
 from __future__ import annotations
 

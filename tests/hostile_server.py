@@ -334,6 +334,9 @@ CASES: dict[str, Case] = {
     "stalls-within-the-ranking": Case(
         (then_stall(raw(head(), b"\r\n", as_events(CUT)[:-14])),), "timeout", 2, True
     ),
+    "stalls-within-nests-of-objects": Case(
+        (then_stall(raw(head(), b"\r\n", as_events(NESTS)[:-14])),), "timeout", 0, True
+    ),
     # Gone
     "hangs-up": Case((hang_up,), "unreachable"),
     "resets": Case((reset,), "unreachable"),

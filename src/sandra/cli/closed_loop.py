@@ -148,12 +148,15 @@ def rows_of(arguments: argparse.Namespace) -> tuple[Row, ...]:
     from sandra.evaluation.closed_loop.drive import Drive
     from sandra.evaluation.closed_loop.rows import all_rows, selected
     from sandra.rankers import create
+    from sandra.rankers.client import address_of
     from sandra.settings import Assumptions
     from sandra.simulation.dilu import located
     from sandra.simulation.policies import policy
 
     if arguments.repeats < 1:
         raise SandraError(f"--repeats {arguments.repeats}: at least 1")
+    if arguments.base_url is not None:
+        address_of(arguments.base_url)
     for ranker in arguments.ranker:
         # Rather an error now than after minutes.
         create(

@@ -16,6 +16,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
+from sandra.rankers.secret import hidden
+
 T = TypeVar("T")
 
 logger = logging.getLogger(__name__)
@@ -75,7 +77,7 @@ class Running(Generic[T]):
             outcome = Outcome(value=self._work())
         except Exception as error:
             logger.exception("%s broke", self._name)
-            outcome = Outcome(error=f"{type(error).__name__}: {error}")
+            outcome = Outcome(error=hidden(f"{type(error).__name__}: {error}"))
         self._end = time.monotonic()
         self._box.append(outcome)
 

@@ -49,33 +49,31 @@ class Secret:
 class _Veil(logging.Filter):
     """Takes keys out of log records, such as those of the libraries at level DEBUG."""
 
-    def __init__(self) -> None:
-        super().__init__()
-        self.secrets: dict[str, Secret] = {}
-
     def filter(self, record: logging.LogRecord) -> bool:
         told = record.getMessage()
-        hidden = self._hide(told)
-        if hidden != told:
-            record.msg, record.args = hidden, ()
+        if hidden(told) != told:
+            record.msg, record.args = hidden(told), ()
         if record.exc_info and not record.exc_text:
             # Formatters take this text as it is, instead of making their own.
-            record.exc_text = self._hide(logging.Formatter().formatException(record.exc_info))
+            record.exc_text = hidden(logging.Formatter().formatException(record.exc_info))
         return True
 
-    def _hide(self, text: str) -> str:
-        for secret in self.secrets.values():
-            text = secret(text)
-        return text
 
-
+_secrets: dict[str, Secret] = {}
 _veil = _Veil()
+
+
+def hidden(text: str) -> str:
+    """`text` without any key that this process has sent."""
+    for secret in tuple(_secrets.values()):
+        text = secret(text)
+    return text
 
 
 def veil_logs(key: str) -> None:
     """From now on this key is in no log record of ours, or of the libraries that send it."""
     if len(key) < SHORTEST:
         return
-    _veil.secrets[key] = Secret(key)
+    _secrets[key] = Secret(key)
     for name in _LOGGERS:
         logging.getLogger(name).addFilter(_veil)  # twice is once
