@@ -112,7 +112,10 @@ class Handler(BaseHTTPRequestHandler):
 
     def answer(self, request: Request) -> None:
         pace = self.server.pace
-        text = "".join(m["content"] for m in request.body["messages"])
+        text = "".join(
+            m["content"] if isinstance(m["content"], str) else json.dumps(m["content"])
+            for m in request.body["messages"]
+        )
         with self.server.lock:
             known = max((len(k) for k in self.server.known if text.startswith(k)), default=0)
         request.read = len(text) - known

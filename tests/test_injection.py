@@ -21,7 +21,7 @@ from chat_server import ChatServer, chat_server
 from hostile_server import Play, answer, whole
 from sandra.actions import ALL_PAIRS, ActionPair
 from sandra.certificate import check
-from sandra.describe import Prompt, describe
+from sandra.describe import Prompt, PromptOptions, Templates, describe
 from sandra.describe.outside import COMMAND_LENGTH
 from sandra.rankers import Ranking
 from sandra.reach import Status
@@ -156,6 +156,23 @@ def test_orders_in_a_scene(server: ChatServer, place: str, text: str) -> None:
         # It has heard, and obeyed: the test would show what that can do.
         assert list(map(str, decision.ranking.pairs)) == [WORST]
     assert_only_the_ranking_changed(decision, scene)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        PromptOptions(weather=SHORT),
+        PromptOptions(templates=Templates((("system", "task", LONG),))),
+        PromptOptions(templates=Templates((("obstacles", "state", f"It is gone: {SHORT}"),))),
+    ],
+    ids=["weather", "task", "obstacles"],
+)
+def test_orders_in_the_options_of_the_prompt(server: ChatServer, options: PromptOptions) -> None:
+    decision = sandra.decide(
+        PLAIN, "openai:m", base_url=server.url, prompt_options=options, **OPTIONS
+    )
+    assert str(decision.ranking.pairs[0]) == WORST
+    assert_only_the_ranking_changed(decision, PLAIN)
 
 
 @pytest.mark.parametrize("mode", ["rank", "verify-first", "repair"])

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from sandra.certify import certify_trajectory
     from sandra.decider import Decider
     from sandra.decision import Decision, decide
-    from sandra.describe import Prompt, prompt
+    from sandra.describe import Prompt, PromptOptions, prompt
     from sandra.errors import SandraError
     from sandra.logic import Vocabulary, parse, specification
     from sandra.monitor import Robustness, robustness
@@ -44,6 +44,7 @@ _HOME = {
     "Longitudinal": "sandra.actions",
     "Prediction": "sandra.prediction",
     "Prompt": "sandra.describe",
+    "PromptOptions": "sandra.describe",
     "Ranking": "sandra.rankers",
     "ReachableSet": "sandra.reach",
     "SandraError": "sandra.errors",
@@ -77,6 +78,7 @@ __all__ = [
     "Longitudinal",
     "Prediction",
     "Prompt",
+    "PromptOptions",
     "Ranking",
     "ReachableSet",
     "Robustness",

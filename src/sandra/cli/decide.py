@@ -19,6 +19,7 @@ from sandra.cli.options import (
     vocabulary_of,
 )
 from sandra.cli.output import figure_of, print_json, progress
+from sandra.cli.prompting import add_context, prompt_options_of, save_picture
 
 if TYPE_CHECKING:
     from sandra.decision import Decision
@@ -30,9 +31,10 @@ def add(commands: Any) -> None:
         "decide",
         "describe a scenario, have action pairs ranked, verify them, choose what is executed",
         "sandra decide intersection --command 'drive faster' --prediction set-based "
-        "--rules R_G1,R_G2,R_G3 --mode verify-first --figure decision.png; with a model: "
+        "--rules R_G1,R_G2,R_G3 --mode verify-first --figure decision.png",
         "sandra decide merge --ranker openai:MODEL --base-url http://localhost:8000/v1 "
         "--deadline 2 --mode repair --cache answers --prices prices.toml",
+        "sandra decide merge --ranker openai:MODEL --vision ego --picture look.png --measures all",
     )
     add_scenario(parser)
     add_prompting(parser)
@@ -49,6 +51,7 @@ def add(commands: Any) -> None:
         "(always:keep,follow-lane), garbage, late:SECONDS (late:0.5)",
     )
     add_server(parser)
+    add_context(parser)
     add_verification(parser)
     parser.add_argument(
         "--accept",
@@ -87,6 +90,7 @@ def add(commands: Any) -> None:
 def _decide(arguments: argparse.Namespace) -> int:
     from sandra.decision import decide
     from sandra.describe import render
+    from sandra.describe.tokens import tokens
     from sandra.logic import parse_rules
     from sandra.planning import Weights
     from sandra.rankers import create
@@ -101,8 +105,9 @@ def _decide(arguments: argparse.Namespace) -> int:
         max_concurrent=arguments.max_concurrent,
     )
     weights = replace(Weights.for_command(arguments.wish), desired_speed=arguments.desired_speed)
+    scene = scene_of(arguments, settings)
     decision = decide(
-        scene_of(arguments, settings),
+        scene,
         ranker,
         arguments.wish,
         prediction=arguments.prediction,
@@ -117,18 +122,25 @@ def _decide(arguments: argparse.Namespace) -> int:
         mode=arguments.mode,
         walk=arguments.walk,
         rule_prompt=arguments.rule_prompt,
+        prompt_options=prompt_options_of(arguments, scene),
         weights=weights,
         progress=progress,
     )
     figure = figure_of(decision, arguments.figure)
+    picture = save_picture(decision.prompt, arguments.picture)
     written = _certificate(decision, arguments.certificate)
     ranking = decision.ranking
     if arguments.json:
+        files = {"figure": figure, "certificate": written}
+        if picture:
+            files["picture"] = picture
         money = cost(ranking.usage, ranking.ranker, prices)
-        extra = {"cost": money, "figure": figure, "certificate": written}
-        print_json({**decision.to_dict(), **extra})
+        print_json({**decision.to_dict(), "cost": money, **files})
         return 0
     print(render(decision.prompt))
+    print(tokens(decision.prompt, getattr(ranker, "count_tokens", None)))
+    if picture:
+        print(f"picture of the prompt: {picture}")
     print()
     if ranking.reasoning:
         print(f"<{ranking.ranker}>: {ranking.reasoning}\n")

@@ -17,6 +17,7 @@ from sandra.cli.options import (
     workers_of,
 )
 from sandra.cli.output import print_json
+from sandra.cli.prompting import add_context, prompt_options_of
 from sandra.errors import SandraError
 
 if TYPE_CHECKING:
@@ -30,8 +31,9 @@ def add(commands: Any) -> None:
         "drive episodes of highway-env with decisions that are verified, and write a run folder; "
         "exit status 0 if the ego was in no collision, else 1",
         "sandra drive highway --setting 2 --seeds 5838 --ranker rules --prediction set-based "
-        "--rules R_G1,R_G2,R_G3; with a model: sandra drive highway --ranker openai:MODEL "
-        "--base-url http://localhost:8000/v1 --deadline 2 --workers 4 --max-concurrent 2",
+        "--rules R_G1,R_G2,R_G3",
+        "sandra drive highway --ranker openai:MODEL --base-url http://localhost:8000/v1 "
+        "--deadline 2 --workers 4 --max-concurrent 2 --vision ego",
     )
     parser.add_argument(
         "environment",
@@ -78,6 +80,7 @@ def add(commands: Any) -> None:
     )
     parser.add_argument("--settings", metavar="FILE", help="a TOML file with parameters")
     add_assumptions(parser)
+    add_context(parser, picture=False)
     parser.add_argument("--out", metavar="RUN", help="the run folder (default: runs/NAME)")
     add_workers(parser)
     parser.add_argument("--json", action="store_true", help="print one JSON object")
@@ -104,6 +107,7 @@ def drive_of(arguments: argparse.Namespace) -> Drive:
         emergency_braking=arguments.emergency_braking,
         deadline=arguments.deadline,
         base_url=arguments.base_url,
+        prompt_options=prompt_options_of(arguments, None),
         cache=arguments.cache,
         max_concurrent=arguments.max_concurrent,
         prices=arguments.prices,

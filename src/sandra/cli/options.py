@@ -15,13 +15,27 @@ if TYPE_CHECKING:
     from sandra.settings import Settings
 
 
-def command(commands: Any, name: str, text: str, example: str) -> argparse.ArgumentParser:
+class _Help(argparse.ArgumentDefaultsHelpFormatter):
+    """Defaults that say something; examples as they are, so that they can be copied."""
+
+    def _get_help_string(self, action: argparse.Action) -> str | None:
+        if action.default in (None, "", False) or "(default:" in (action.help or ""):
+            return action.help
+        return super()._get_help_string(action)
+
+    def _fill_text(self, text: str, width: int, indent: str) -> str:
+        if text.startswith("example:"):
+            return text
+        return super()._fill_text(text, width, indent)
+
+
+def command(commands: Any, name: str, text: str, *examples: str) -> argparse.ArgumentParser:
     parser: argparse.ArgumentParser = commands.add_parser(
         name,
         help=text,
         description=text[0].upper() + text[1:] + ".",
-        epilog=f"example: {example}",
-        formatter_class=argparse.ArgumentDefaultsHelpFormatter,
+        epilog="\n  ".join(["example:", *examples]),
+        formatter_class=_Help,
     )
     return parser
 

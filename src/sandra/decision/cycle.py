@@ -6,6 +6,7 @@ Scene -> prompt -> ranking -> specification of each pair -> verdict -> maneuver.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from sandra.actions import ActionPair
 from sandra.certify import Basis
@@ -13,12 +14,12 @@ from sandra.decision.judge import Judge
 from sandra.decision.modes import MODES, WALKS, rank_first, repair, verify_first
 from sandra.decision.result import Decision
 from sandra.decision.stages import Clock
-from sandra.describe import describe
+from sandra.describe import Prompt, PromptOptions, describe
 from sandra.errors import SettingsError
 from sandra.logic import Vocabulary
 from sandra.planning import Weights
 from sandra.prediction import PredictionSource, predict
-from sandra.rankers import Ranker, as_ranker, create
+from sandra.rankers import Ranker, Ranking, as_ranker, create
 from sandra.reach import Verdicts, ground
 from sandra.scene.types import Scene
 from sandra.settings import Settings
@@ -48,6 +49,7 @@ def decide(
     mode: str = "rank",
     walk: str = "ranked",
     rule_prompt: bool = False,
+    prompt_options: PromptOptions | None = None,
     weights: Weights | None = None,
     progress: Callable[[str], None] = lambda stage: None,
 ) -> Decision:
@@ -74,6 +76,8 @@ def decide(
         walk: which pairs are verified after a ranking: "ranked" every ranked pair, "first" up to
             the first that holds, "all" all twelve. Without effect in "verify-first".
         rule_prompt: whether the prompt also tells the rules in words.
+        prompt_options: what the prompt tells beyond the paper's figure: a picture, further
+            measures, weather, sentences of your own; default: nothing.
         weights: of the planner's cost terms, with the desired speed; default: those that the
             command asks for (`Weights.for_command`). They choose among trajectories that hold.
         progress: called with the name of each stage as it begins.
@@ -94,7 +98,13 @@ def decide(
 
     with clock.stage("describe"):
         prompt = describe(
-            scene, command, past, rules=rules, rule_prompt=rule_prompt, settings=settings
+            scene,
+            command,
+            past,
+            rules=rules,
+            rule_prompt=rule_prompt,
+            settings=settings,
+            options=prompt_options,
         )
 
     def prepare() -> Judge:
@@ -116,7 +126,7 @@ def decide(
     return Decision(
         scene,
         walked.prompt,
-        walked.ranking,
+        _with_warning(walked.ranking, asked, prompt),
         Verdicts(walked.verdicts, judge.ground, judge.rules),
         maneuver,
         accept,
@@ -125,6 +135,14 @@ def decide(
         mode,
         judge.fail_safe_now,
     )
+
+
+def _with_warning(ranking: Ranking, ranker: Ranker, prompt: Prompt) -> Ranking:
+    """Says so if the prompt has a picture at which the ranker does not look."""
+    if prompt.picture is None or getattr(ranker, "takes_pictures", False):
+        return ranking
+    words = f"the picture was not looked at: {ranker.name} reads no pictures"
+    return replace(ranking, warnings=(*ranking.warnings, words))
 
 
 def _check(accept: str, mode: str, walk: str, deadline: float) -> None:

@@ -7,15 +7,18 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 from sandra.actions import ActionPair, Lateral, Longitudinal
-from sandra.describe.facts import situation
+from sandra.describe.facts import present, situation
+from sandra.describe.obstacle_wording import obstacles_text
+from sandra.describe.options import PromptOptions
 from sandra.describe.outside import one_line
+from sandra.describe.picture import bird_eye
 from sandra.describe.schema import answer_schema
-from sandra.describe.types import Prompt
+from sandra.describe.types import Picture, Prompt, Situation
 from sandra.describe.wording import (
     answered_text,
     ego_text,
     narrowed_text,
-    obstacles_text,
+    picture_text,
     rules_text,
     system_text,
 )
@@ -30,6 +33,7 @@ def describe(
     rules: Sequence[str] = (),
     rule_prompt: bool = False,
     settings: Settings | None = None,
+    options: PromptOptions | None = None,
 ) -> Prompt:
     """Describe a scene for a ranker.
 
@@ -41,6 +45,7 @@ def describe(
         rules: names of the traffic rules that will be verified.
         rule_prompt: whether the rules are told as well (the paper found little use in it).
         settings: k, history, horizon and the thresholds that the actions' meanings name.
+        options: what is told beyond the paper's figure; default: nothing.
 
     Returns:
         The prompt; `k` is the smaller of `settings.k` and the number of feasible pairs.
@@ -51,19 +56,36 @@ def describe(
     k = min(settings.k, len(feasible))
     wish = one_line(command) if command else ""
     recent = tuple(past)[-settings.history :] if settings.history else ()
-    facts = situation(scene, feasible, wish or None, recent, settings.horizon * scene.dt)
-    paragraphs = [ego_text(scene, facts), obstacles_text(facts, settings)]
+    options = options or PromptOptions()
+    words = options.templates
+    facts = situation(scene, feasible, wish or None, recent, settings.horizon * scene.dt, options)
+    picture = _picture(scene, facts, options)
+    paragraphs = [ego_text(words, scene, facts), obstacles_text(words, facts, settings, options)]
+    if picture is not None:
+        paragraphs.append(picture_text(words, picture))
     if rule_prompt and rules:
-        paragraphs.append(rules_text(facts, rules, settings))
+        paragraphs.append(rules_text(words, facts, rules, settings))
     return Prompt(
-        system=system_text(facts, longitudinal, lateral, k, settings),
+        system=system_text(words, facts, longitudinal, lateral, k, settings),
         user="\n".join(paragraphs),
         schema=answer_schema(feasible, k),
         k=k,
         longitudinal=longitudinal,
         lateral=lateral,
         situation=facts,
+        picture=picture,
+        templates=words,
     )
+
+
+def _picture(scene: Scene, facts: Situation, options: PromptOptions) -> Picture | None:
+    if options.picture is None:
+        return None
+    drawn = present(scene)
+    if options.beams is not None:
+        seen = options.beams.seen(scene, drawn)
+        drawn = [o for o in drawn if o.id in seen]
+    return bird_eye(scene, options.picture, drawn, {o.id for o in facts.obstacles})
 
 
 def feasible_actions(scene: Scene) -> tuple[tuple[Longitudinal, ...], tuple[Lateral, ...]]:
@@ -93,7 +115,7 @@ def narrow(prompt: Prompt, pairs: Collection[ActionPair]) -> Prompt:
     left = tuple(pair for pair in prompt.feasible if pair in pairs)
     if not left or len(left) < len(set(pairs)):
         raise ValueError("a prompt can only be narrowed to some of its own pairs, at least one")
-    return _about(prompt, left, narrowed_text(left, min(prompt.k, len(left))))
+    return _about(prompt, left, narrowed_text(prompt.templates, left, min(prompt.k, len(left))))
 
 
 def answered(prompt: Prompt, failed: Mapping[ActionPair, str], unusable: str = "") -> Prompt:
@@ -111,7 +133,11 @@ def answered(prompt: Prompt, failed: Mapping[ActionPair, str], unusable: str = "
     left = tuple(pair for pair in prompt.feasible if pair not in failed)
     if not left or len(left) + len(failed) != len(prompt.feasible):
         raise ValueError("some of the prompt's own pairs must be left, at least one")
-    return _about(prompt, left, answered_text(failed, unusable, left, min(prompt.k, len(left))))
+    return _about(
+        prompt,
+        left,
+        answered_text(prompt.templates, failed, unusable, left, min(prompt.k, len(left))),
+    )
 
 
 def _about(prompt: Prompt, left: tuple[ActionPair, ...], narrowing: str) -> Prompt:

@@ -9,6 +9,8 @@ import numpy as np
 
 from sandra.actions import ActionPair
 from sandra.describe.collision_time import Box, signed_gap, time_to_collision
+from sandra.describe.criticality import required_braking
+from sandra.describe.options import PromptOptions
 from sandra.describe.outside import in_words, one_line
 from sandra.describe.relations import VULNERABLE, follows_lanes, relation, touches
 from sandra.describe.types import ObstacleFacts, Situation
@@ -38,8 +40,16 @@ def situation(
     command: str | None,
     past: tuple[ActionPair, ...],
     horizon: float,
+    options: PromptOptions,
 ) -> Situation:
     """Fill a `Situation`; text from outside is cleaned. Decisions hold for `horizon` [s]."""
+    weather = scene.weather if options.weather is None else options.weather
+    obstacles = obstacle_facts(scene)
+    if options.beams is None:
+        obstacles = relevant(obstacles)
+    else:
+        seen = options.beams.seen(scene, present(scene))
+        obstacles = most_important(o for o in obstacles if o.id in seen)
     _, d, heading, _ = scene.ego_curvilinear
     state = scene.ego.state
     light = next_light(scene.lights)
@@ -47,13 +57,13 @@ def situation(
         scenario=one_line(scene.name),
         road_type=in_words(scene.road_type),
         country=None if scene.country is None else one_line(scene.country, 10),
-        weather=None if scene.weather is None else in_words(scene.weather),
+        weather=None if weather is None else in_words(weather),
         speed=state.speed,
         acceleration=state.acceleration,
         heading=heading,
         steering_angle=state.steering_angle,
         speed_limit=scene.speed_limit,
-        obstacles=relevant(obstacle_facts(scene)),
+        obstacles=obstacles,
         light=None if light is None else light.state,
         light_distance=None if light is None else light.distance,
         feasible=feasible,
@@ -92,6 +102,16 @@ def obstacle_facts(scene: Scene) -> tuple[ObstacleFacts, ...]:
     )
 
 
+def present(scene: Scene) -> list[Obstacle]:
+    """The obstacles that are there now: not those whose recording begins only later."""
+    return [
+        o
+        for o in scene.obstacles
+        if all(map(math.isfinite, (o.state.x, o.state.y, o.state.heading)))
+        and (o.states is None or np.isfinite(o.states[:1, :2]).all())
+    ]
+
+
 def _without_copies(obstacles: list[Obstacle]) -> list[Obstacle]:
     """Drops what stands at the very place of an earlier one: recordings hold such copies."""
     first: dict[tuple[float, ...], Obstacle] = {}
@@ -117,6 +137,8 @@ def _facts(
     leads = follows_lanes(obstacle) and same_direction
     stays = lateral_gap == 0.0 and abs(box.v_d) <= _DRIFT
     along_lane = where == "same" and gap != 0.0 and (leads or stays)
+    in_ego_lane = where == "same" or touches(scene.current, obstacle)
+    in_way = gap > 0.0 and (where == "same" or (in_ego_lane and lateral_gap == 0.0))
     return ObstacleFacts(
         id=obstacle.id,
         kind=in_words(obstacle.kind),
@@ -131,18 +153,35 @@ def _facts(
         # The scenes write 0 where nobody measured it.
         steering_angle=state.steering_angle or None,
         time_to_collision=time_to_collision(ego, box, along_lane=along_lane),
-        in_ego_lane=where == "same" or touches(scene.current, obstacle),
+        in_ego_lane=in_ego_lane,
+        **_criticality(ego, box, gap, state.acceleration) if in_way else {},
     )
+
+
+def _criticality(ego: Box, other: Box, gap: float, acceleration: float) -> dict[str, float]:
+    """Fields of `ObstacleFacts` for what is in front in the ego's way."""
+    a = acceleration if math.isfinite(acceleration) else 0.0
+    return {
+        "time_headway": gap / ego.v_s if ego.v_s > 0.0 else math.inf,
+        "required_braking": required_braking(gap, ego.v_s, other.v_s, a),
+    }
 
 
 def relevant(obstacles: Sequence[ObstacleFacts]) -> tuple[ObstacleFacts, ...]:
     """The obstacles worth telling, nearest first.
 
-    In range: see the constants of this module. Every vulnerable road user in range is told. Of
-    the others at most `MOST`: first the nearest in front and behind for each relation and whoever
-    would be met within `URGENT`, then by distance.
+    In range: see the constants of this module. Of those, see `most_important`.
     """
-    near = sorted((o for o in obstacles if _in_range(o)), key=_distance)
+    return most_important(o for o in obstacles if _in_range(o))
+
+
+def most_important(obstacles: Iterable[ObstacleFacts]) -> tuple[ObstacleFacts, ...]:
+    """Nearest first: every vulnerable road user, and at most `MOST` of the others.
+
+    Of the others first the nearest in front and behind for each relation and whoever would be met
+    within `URGENT`, then by distance.
+    """
+    near = sorted(obstacles, key=_distance)
     vulnerable = [o for o in near if o.kind in VULNERABLE]
     rest = [o for o in near if o.kind not in VULNERABLE]
     first: set[tuple[str, bool]] = set()

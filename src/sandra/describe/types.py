@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import base64
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from sandra.actions import ActionPair, Lateral, Longitudinal
+from sandra.describe.templates import Templates
+from sandra.errors import SandraError
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +38,10 @@ class ObstacleFacts:
     """[s]; inf if the gap does not close, NaN if the speed is unknown."""
     in_ego_lane: bool = False
     """The body touches the ego's lane, wherever its centre is."""
+    time_headway: float | None = None
+    """`gap` over the ego's speed [s]; None unless it is in front and in the ego's way."""
+    required_braking: float | None = None
+    """Deceleration that the ego needs not to hit it [m/s^2] (`criticality`); None as above."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +71,40 @@ class Situation:
     """Time for which a decision holds [s]."""
 
 
+VIEWS = ("ego", "north")
+"""What points up in a picture: the ego's heading, or the map's y axis."""
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """The scene from above, as a PNG (`sandra.describe.picture`)."""
+
+    png: bytes = field(repr=False)
+    width: int
+    """[pixel]"""
+    height: int
+    """[pixel]"""
+    up: str
+    """What points up, of `VIEWS`."""
+    scale: float
+    """Length of a pixel [m]."""
+
+    @property
+    def data_url(self) -> str:
+        """The picture as text, as chat formats take it."""
+        return "data:image/png;base64," + base64.b64encode(self.png).decode("ascii")
+
+    def save(self, path: str | Path) -> Path:
+        """Write the file. Raises `SandraError` if that fails."""
+        try:
+            Path(path).write_bytes(self.png)
+        except OSError as error:
+            raise SandraError(
+                f"{path}: cannot be written ({error.strerror}); choose another file"
+            ) from None
+        return Path(path)
+
+
 @dataclass(frozen=True, slots=True)
 class Prompt:
     """System and user text, the strict JSON schema of the answer, and the facts behind them.
@@ -81,6 +123,10 @@ class Prompt:
     narrowing: str = ""
     """The end of `user`, where only some pairs may be ranked: which, and why (`narrow`,
     `answered`)."""
+    picture: Picture | None = None
+    """For rankers that look at pictures (those with a true attribute `takes_pictures`)."""
+    templates: Templates = field(default_factory=Templates, repr=False)
+    """Whose sentences the text is made of."""
 
     @property
     def feasible(self) -> tuple[ActionPair, ...]:

@@ -17,7 +17,7 @@ from sandra.errors import RankerError
 from sandra.rankers.answer import pairs_so_far, parse_answer, parse_reasoning
 from sandra.rankers.bounded import Deadline, Running
 from sandra.rankers.client import Problem
-from sandra.rankers.endpoint import Asks, Endpoint, Exchange, Question
+from sandra.rankers.endpoint import Asks, Content, Endpoint, Exchange, Question
 from sandra.rankers.stream import Reply
 from sandra.rankers.types import Failure, Ranking
 from sandra.rankers.usage import both, total
@@ -57,6 +57,7 @@ class ChatRanker:
         if not 0.0 < deadline < float("inf"):
             raise RankerError(f"openai: deadline = {deadline} must be a finite number > 0 [s]")
         self.name = name or f"openai:{model}"
+        self.takes_pictures = True
         self.deadline = deadline
         options = {"temperature": temperature, "seed": seed}
         given = {name: value for name, value in options.items() if value is not None}
@@ -72,7 +73,7 @@ class ChatRanker:
     def asking(self, prompt: Prompt, deadline: float | None = None) -> Asked:
         """Put the question of `rank`, and look at the answer while it is written."""
         seconds = self.deadline if deadline is None else deadline
-        question = Question(prompt.system, (("user", prompt.user),), prompt.schema)
+        question = Question(prompt.system, (("user", content_of(prompt)),), prompt.schema)
         return Asked(self._endpoint, self.name, question, seconds)
 
     def begin(self, prompt: Prompt, deadline: float | None = None) -> Reasoning:
@@ -80,6 +81,14 @@ class ChatRanker:
         return Reasoning(
             self._endpoint, self.name, prompt, self.deadline if deadline is None else deadline
         )
+
+
+def content_of(prompt: Prompt) -> Content:
+    """The user's message: the text, followed by the picture if the prompt has one."""
+    if prompt.picture is None:
+        return prompt.user
+    url = {"url": prompt.picture.data_url}
+    return [{"type": "text", "text": prompt.user}, {"type": "image_url", "image_url": url}]
 
 
 class Reasoning:
@@ -93,7 +102,7 @@ class Reasoning:
     def __init__(self, endpoint: Asks, name: str, prompt: Prompt, seconds: float) -> None:
         self._endpoint, self._name, self._prompt = endpoint, name, prompt
         schema = only(prompt.schema, "reasoning")
-        question = Question(prompt.system, (("user", prompt.user),), schema)
+        question = Question(prompt.system, (("user", content_of(prompt)),), schema)
         self._first = Asked(endpoint, name, question, seconds)
         self._second: Asked | None = None
 
@@ -116,7 +125,11 @@ class Reasoning:
             return whole
         if whole.failure is None and not whole.warnings:
             return whole  # A server without structured outputs: it has ranked pairs that hold.
-        turns = (("user", self._prompt.user), ("assistant", text), ("user", prompt.narrowing))
+        turns = (
+            ("user", content_of(self._prompt)),
+            ("assistant", text),
+            ("user", prompt.narrowing),
+        )
         question = Question(prompt.system, turns, only(prompt.schema, "ranking"))
         left = self._first.seconds - self._first.running.duration
         self._second = Asked(self._endpoint, self._name, question, left, self._first.seconds)

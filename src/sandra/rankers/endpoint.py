@@ -33,15 +33,19 @@ _NAP = 0.05
 """A pause looks so often whether its deadline was brought forward [s]."""
 
 
+Content = str | list[dict[str, Any]]
+
+
 @dataclass(frozen=True, slots=True)
 class Question:
-    """System text, then turns of (role, text), and the schema of the answer to the last one.
+    """System text, then turns of (role, content), and the schema of the answer to the last one.
 
-    Without a schema (None) any text will do.
+    A content is a text, or a list of parts as the chat format has it. Without a schema (None) any
+    text will do.
     """
 
     system: str
-    turns: tuple[tuple[str, str], ...]
+    turns: tuple[tuple[str, Content], ...]
     schema: dict[str, Any] | None
 
 
@@ -222,7 +226,7 @@ class Endpoint:
             system += f"\nThe answer must fit this JSON schema: {words}"
         if "stream_options" not in self._unknown:
             extra["stream_options"] = {"include_usage": True}
-        messages = [{"role": role, "content": text} for role, text in question.turns]
+        messages = [{"role": role, "content": content} for role, content in question.turns]
         return {
             "model": self._model,
             "messages": [{"role": "system", "content": system}, *messages],

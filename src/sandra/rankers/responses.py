@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from sandra.rankers.answer import MAX_ANSWER
-from sandra.rankers.endpoint import Endpoint, Question
+from sandra.rankers.endpoint import Content, Endpoint, Question
 from sandra.rankers.stream import MAX_REFUSAL, Reply
 from sandra.rankers.types import Failure
 from sandra.rankers.usage import told_by_server
@@ -86,6 +86,18 @@ def _fail(error: Any, reply: Reply) -> None:
     reply.failure, reply.detail = Failure.SERVER_ERROR, reply.hide(detail)
 
 
+def _content(content: Content) -> Content:
+    """A message's content in this API's words: its parts have other names."""
+    if isinstance(content, str):
+        return content
+    return [
+        {"type": "input_text", "text": part["text"]}
+        if part["type"] == "text"
+        else {"type": "input_image", "image_url": part["image_url"]["url"]}
+        for part in content
+    ]
+
+
 class ResponsesEndpoint(Endpoint):
     """`/responses` of one server for one model; see `Endpoint`."""
 
@@ -100,7 +112,8 @@ class ResponsesEndpoint(Endpoint):
 
     def _body(self, question: Question) -> dict[str, Any]:
         chat = super()._body(question)
-        body = {"model": chat["model"], "input": chat["messages"], "store": False}
+        body = {"model": chat["model"], "store": False}
+        body["input"] = [{**m, "content": _content(m["content"])} for m in chat["messages"]]
         if "response_format" in chat:
             schema = chat["response_format"]["json_schema"]
             body["text"] = {"format": {"type": "json_schema", **schema}}

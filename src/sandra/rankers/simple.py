@@ -82,13 +82,14 @@ class PlugIn:
     `function` takes a prompt (and a deadline, if `takes_deadline`) and returns a `Ranking` or
     pairs. If it raises, is late, or returns anything else, that is a named failure; pairs that
     are infeasible, repeated, or beyond the prompt's k are removed with a warning. `deadline` [s]
-    holds where `rank` is given none.
+    holds where `rank` is given none. `takes_pictures`: whether it looks at `Prompt.picture`.
     """
 
     name: str
     function: Callable[..., Answer]
     takes_deadline: bool = False
     deadline: float | None = None
+    takes_pictures: bool = False
 
     def rank(self, prompt: Prompt, deadline: float | None = None) -> Ranking:
         """See `Ranker`."""
@@ -140,10 +141,12 @@ def plug_in(
     function = getattr(thing, "rank", None)
     if callable(function):
         told = name or str(getattr(thing, "name", None) or type(thing).__name__)
-        return PlugIn(told, function, True, deadline)
+        looks = bool(getattr(thing, "takes_pictures", False))
+        return PlugIn(told, function, True, deadline, looks)
     if callable(thing):
         told = name or str(getattr(thing, "__name__", None) or type(thing).__name__)
-        return PlugIn(told, thing, False, deadline)
+        looks = bool(getattr(thing, "takes_pictures", False))
+        return PlugIn(told, thing, False, deadline, looks)
     raise RankerError(
         f"{type(thing).__name__} is no ranker: pass a text such as 'rules', an object with "
         f"rank(prompt, deadline), or a function of a prompt"

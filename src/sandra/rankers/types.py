@@ -66,7 +66,11 @@ class Ranking:
 
 @runtime_checkable
 class Ranker(Protocol):
-    """Anything that ranks. It never raises for what goes wrong with an answer."""
+    """Anything that ranks. It never raises for what goes wrong with an answer.
+
+    Two more attributes are looked for: `takes_pictures`, true if it looks at `Prompt.picture`, and
+    `count_tokens(text)`, the number of a text's tokens by its model's own tokenizer.
+    """
 
     @property
     def name(self) -> str:

@@ -103,6 +103,7 @@ def _scene(content: Content, problem: Any, settings: Settings, path: Path) -> Sc
         country=country,
         weather=content.facts.weather,
         time_of_day=content.facts.time_of_day,
+        location=_location(scenario),
         lights=lights_ahead(
             scenario.lanelet_network, current, network, ego_s=s, front=front, step=first
         ),
@@ -248,6 +249,16 @@ def _inside_intersections(network: Any) -> Collection[int]:
         for ids in (incoming.outgoing_left, incoming.outgoing_straight, incoming.outgoing_right)
         for i in ids or ()
     }
+
+
+def _location(scenario: Any) -> tuple[float, float] | None:
+    """The map's coordinates; CommonRoad writes 999 for unknown ones."""
+    location = scenario.lanelet_network.location
+    latitude, longitude = (
+        number(getattr(location, name, None)) for name in ("gps_latitude", "gps_longitude")
+    )
+    known = abs(latitude) <= 90.0 and abs(longitude) <= 180.0
+    return (latitude, longitude) if known else None
 
 
 def _country(scenario: Any) -> str | None:

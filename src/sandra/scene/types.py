@@ -244,6 +244,8 @@ class Scene:
     """ISO 3166 alpha-3 code, None where the file names none (ZAM is no country)."""
     weather: str | None = None
     time_of_day: str | None = None
+    location: tuple[float, float] | None = None
+    """Latitude and longitude of the map [degrees]; None where the file gives none."""
     lights: tuple[TrafficLight, ...] = ()
     signs: tuple[TrafficSign, ...] = ()
     goal: Region | None = None

@@ -8,6 +8,7 @@ from typing import Any
 
 from sandra.actions import ActionPair
 from sandra.decider import Decider
+from sandra.describe import PromptOptions
 from sandra.errors import SettingsError
 from sandra.evaluation.closed_loop.driven import Outcome, outcome, run_of, unverified
 from sandra.evaluation.closed_loop.metrics import Convention
@@ -66,6 +67,7 @@ class Drive:
     """Strongest braking while nothing can be certified [m/s^2]."""
     deadline: float = 30.0
     base_url: str | None = None
+    prompt_options: PromptOptions = field(default_factory=PromptOptions)
     cache: str | None = None
     """Folder of answers that are kept."""
     max_concurrent: int | None = None
@@ -152,6 +154,7 @@ class Drive:
             "mode": self.mode,
             "k": self.k,
             "deadline": self.deadline,
+            "prompt_options": self.prompt_options,
             "settings": self.settings,
         }
 

@@ -92,6 +92,10 @@ class RunFolder:
 
             def note(step: Step) -> None:
                 log.write(json.dumps(_finite(_decision(step)), allow_nan=False) + "\n")
+                picture = step.decision.prompt.picture
+                if picture is not None:
+                    (draft / "pictures").mkdir(exist_ok=True)
+                    picture.save(draft / "pictures" / f"step-{step.index:03d}.png")
                 certificate = step.decision.certificate
                 if certificate is not None:
                     save(certificate, draft / "certificates" / f"step-{step.index:03d}.json")
