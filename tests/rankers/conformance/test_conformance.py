@@ -20,7 +20,7 @@ import sandra
 from sandra.cli import main
 from sandra.decider import Decider
 from sandra.decision import MODES
-from sandra.describe import Prompt, describe, narrow
+from sandra.describe import Prompt, PromptOptions, describe, narrow
 from sandra.rankers import CHOICES, Failure, Ranker, Ranking, ask, create
 from straight_road import Road
 
@@ -168,6 +168,26 @@ def test_distinct_feasible_pairs_at_most_k_or_a_named_failure(make: Maker, name:
         keeps_to(ranking, prompt, made)
         if prompt is one_pair and made.backend.answers:
             assert ranking.pairs == (pair,)
+
+
+@every_model
+def test_a_prompt_with_a_picture_is_answered_whether_it_is_looked_at_or_not(
+    make: Maker, name: str
+) -> None:
+    made = make(name)
+    prompt = describe(SCENE, options=PromptOptions(picture="ego"))
+    assert prompt.picture is not None
+    looks = getattr(made.ranker, "takes_pictures", False)
+    decision = sandra.decide(
+        ONE_LANE, made.ranker, horizon=6, prompt_options=PromptOptions(picture="ego")
+    )
+    told = any("picture" in warning for warning in decision.ranking.warnings)
+    if made.backend.served:
+        assert looks  # what the server makes of it is told as a failure, if it can make nothing
+    else:
+        assert not looks
+        assert told
+        keeps_to(made.ranker.rank(prompt, 30.0), prompt, made)
 
 
 @every_model
