@@ -29,7 +29,7 @@ from sandra.evaluation.reach_bench.hand_over import (
 )
 from sandra.evaluation.reach_bench.measure import SETTINGS, _handed_over
 from sandra.evaluation.reach_bench.ours import free_set, prepare
-from sandra.evaluation.reach_bench.rows import Ours, Peers, Report, Row
+from sandra.evaluation.reach_bench.rows import Ours, Peers, Report, Row, Tight
 from sandra.logic import Specification
 from sandra.reach import Ground
 from sandra.scene import Frame, Region
@@ -303,7 +303,8 @@ def test_rows_are_checked_and_timed(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     assert row.peer is not None
     assert row.checks is not None
     assert row.checks.obstacles > 0.99
-    assert 0.9 < row.checks.smallest <= row.checks.largest < 1.2
+    for found in (row.checks.quick, row.checks.tight):
+        assert 0.9 < found.smallest <= found.largest < 1.2
     assert row.peer.areas[8] == pytest.approx(row.ours.areas[8], rel=0.1)
     assert row.ratios["free"] == pytest.approx(row.peer.free / row.ours.free)
     assert report.versions["commonroad-reach"] == "2025.2.1"
@@ -345,7 +346,8 @@ def test_without_the_peers_packages_its_last_words_are_told() -> None:
 
 
 def test_medians_are_over_the_timed_rows() -> None:
-    ours = Ours(0.001, 0.03, 0.01, 0.002, 0.003, 0.02, (1.0,), 4)
+    tight = Tight(0.004, 0.04, (1.0,), 6)
+    ours = Ours(0.001, 0.03, 0.01, 0.002, 0.003, 0.02, (1.0,), 4, tight)
     rows = [
         Row("a", 15, 0.1, 3, "p", 2, ours, Peers(0.001, 0.02, 0.04, (1.0,), 5)),
         Row("b", 15, 0.1, 3, "p", 2, ours, Peers(0.001, 0.04, 0.08, (1.0,), 5)),

@@ -12,6 +12,16 @@ RATIOS = (("free", 20.0), ("every", 4.0), ("prepare", 5.0))
 
 
 @dataclass(frozen=True, slots=True)
+class Tight:
+    """Ours with the precision "tight"; as `Ours`."""
+
+    free: float
+    every: float
+    areas: tuple[float, ...]
+    sets: int
+
+
+@dataclass(frozen=True, slots=True)
 class Ours:
     """Medians, process CPU [s]; `areas` per step [m^2], `sets` base sets over all steps.
 
@@ -27,6 +37,7 @@ class Ours:
     every: float
     areas: tuple[float, ...]
     sets: int
+    tight: Tight
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +52,27 @@ class Peers:
 
 
 @dataclass(frozen=True, slots=True)
+class Closeness:
+    """Our area beside the peer's on the same forbidden cells, for one of our precisions.
+
+    Attributes:
+        largest, smallest: our area over the peer's at matched resolution, extremes over the steps.
+        finer: the largest such ratio for our set on cells of a quarter of the size, both ways.
+        seen, finer_seen: the largest ratios to what the peer covers or trajectories visit.
+    """
+
+    largest: float
+    smallest: float
+    finer: float
+    seen: float
+    finer_seen: float
+
+    def __str__(self) -> str:
+        several = (self.largest, self.finer, self.seen, self.finer_seen)
+        return ", ".join(f"{ratio:.3f}" for ratio in several)
+
+
+@dataclass(frozen=True, slots=True)
 class Checks:
     """What was found when the two problems were compared.
 
@@ -48,20 +80,16 @@ class Checks:
         obstacles: share of our forbidden cells that the peer forbids.
         matched: areas of the peer's core per step on our cells, at our resolution [m^2].
         matched_time: what that took, once [s].
-        largest, smallest: our area over the matched one, extremes over the steps.
-        finer: the largest such ratio for our set on cells of a quarter of the size, both ways.
-        seen: the largest ratio of our area to what the matched set covers or trajectories visit.
-        lost: the share of positions on trajectories that are not in the matched set; ours has all.
+        lost: the share of positions on trajectories that are not in the matched set; ours have all.
+        quick, tight: our areas beside them.
     """
 
     obstacles: float
     matched: tuple[float, ...]
     matched_time: float
-    largest: float
-    smallest: float
-    finer: float
-    seen: float
     lost: float
+    quick: Closeness
+    tight: Closeness
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,7 +179,7 @@ _HEAD = (
     f"{'process CPU [ms]':<34} | {'ours':^52} | {'peer':^23} | {'peer / ours':^17} | area\n"
     f"{'scenario':<28} {'h':>3}  |{'predict':>8}{'ground':>8}{'forbid':>8}{'free':>8}{'pair':>8}"
     f"{'all 12':>8}{'sets':>6}|{'check':>8}{'free':>10}{'sets':>6} |"
-    f"{'free':>6}{'all 12':>7}{'fb.':>5} | matched, finer, seen"
+    f"{'free':>6}{'all 12':>7}{'fb.':>5} | matched, finer, both beside what is seen"
 )
 
 
@@ -167,8 +195,13 @@ def _lines(row: Row) -> list[str]:
         found = row.ratios
         text += f"{found['free']:6.1f}{found['every']:7.2f}{found['prepare']:5.1f} | "
     if row.checks is not None:
-        text += f"{row.checks.largest:.3f}, {row.checks.finer:.3f}, {row.checks.seen:.3f}"
+        text += str(row.checks.quick)
     lines = [text]
+    if row.ours is not None:
+        close = row.ours.tight
+        text = f"    tight: free {1e3 * close.free:.1f}, all twelve {1e3 * close.every:.1f} ms, "
+        text += f"{close.sets} sets"
+        lines.append(text + (f" | area {row.checks.tight}" if row.checks else ""))
     if row.refused:
         lines.append(f"    not timed against the peer: {row.refused}")
     if row.note:
