@@ -275,6 +275,21 @@ def test_trajectories_leave_the_peers_set_where_it_drops_narrow_gaps(peer: Peer)
 
 
 @needs_peer
+def test_a_tight_set_is_as_tight_as_the_peers() -> None:
+    """Behind a gap, boxes along the lane mix what got ahead and what got aside."""
+    report = bench_reach(
+        [sandra.example("intersection")], horizons=[25], python=PYTHON, pair=PAIR, runs=1
+    )
+    (row,) = report.rows
+    assert row.checks is not None
+    assert row.checks.quick.largest > 1.08
+    assert row.checks.tight.largest <= 1.05
+    assert row.checks.tight.finer <= 1.01
+    assert row.checks.tight.smallest > 0.9
+    assert f"| area {row.checks.tight}" in str(report)
+
+
+@needs_peer
 def test_an_error_of_the_peer_is_told_and_survived(peer: Peer) -> None:
     base = base_of("merge", 3)
     problem = problem_of(base)

@@ -125,10 +125,10 @@ def _covered(
 def _cover(window: Mask, tight: bool) -> list[Box]:
     """Boxes over the cells of a window.
 
-    They are as long as possible along the lane: few, but those of the set that got far ahead and
-    those that got far aside then share a box, which holds all pairs of what they do along and across
-    the lane. If `tight`, they are as wide as possible across the lane, cover no cell that is not in
-    the window, and end wherever its width changes, as behind a gap.
+    They are as long as possible along the lane: few, but what got far ahead and what got far aside
+    then share a box, which holds all pairs of what they do along and across the lane. If `tight`,
+    they are as wide as possible across the lane, cover no cell that is not in the window, and end
+    wherever its width changes, as behind a gap.
     """
     if tight:
         return boxes(window, along_s=False)

@@ -230,19 +230,15 @@ def _checked(base: Ground, found: ReachableSet, peer: Peer, tolerance: float) ->
     finer = base.settings.replace(cell_s=cell_s / FINER, cell_d=cell_d / FINER)
     fine = prepare(base.scene, finer)
     sets = (found, free_set(tightened(base)))
-    fine_sets = (free_set(fine), free_set(tightened(fine)))
+    finer_sets = (free_set(fine), free_set(tightened(fine)))
     boxes = [in_our_frame(base, step["boxes"]) for step in steps]
-    driven = seen(base, sets, fine_sets, boxes, matched)
+    driven = seen(base, sets, boxes, matched)
     check.check_nothing_lost(driven.lost_by_us)
+    of_sets = [check.Areas.of(_areas(each), matched) for each in sets]
+    of_finer = [check.Areas.of(_areas(each), matched).largest for each in finer_sets]
     quick, tight = (
-        Closeness(
-            own.largest,
-            own.smallest,
-            check.Areas.of(_areas(fine_sets[i]), matched).largest,
-            driven.ratios[i],
-            driven.finer_ratios[i],
-        )
-        for i, own in enumerate(check.Areas.of(_areas(each), matched) for each in sets)
+        Closeness(own.largest, own.smallest, finer, ratio)
+        for own, finer, ratio in zip(of_sets, of_finer, driven.ratios, strict=True)
     )
     return Checks(share, matched, spent, driven.lost_by_peer, quick, tight)
 

@@ -58,18 +58,16 @@ class Closeness:
     Attributes:
         largest, smallest: our area over the peer's at matched resolution, extremes over the steps.
         finer: the largest such ratio for our set on cells of a quarter of the size, both ways.
-        seen, finer_seen: the largest ratios to what the peer covers or trajectories visit.
+        seen: the largest ratio to what the matched set covers or trajectories visit.
     """
 
     largest: float
     smallest: float
     finer: float
     seen: float
-    finer_seen: float
 
     def __str__(self) -> str:
-        several = (self.largest, self.finer, self.seen, self.finer_seen)
-        return ", ".join(f"{ratio:.3f}" for ratio in several)
+        return ", ".join(f"{ratio:.3f}" for ratio in (self.largest, self.finer, self.seen))
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,7 +177,7 @@ _HEAD = (
     f"{'process CPU [ms]':<34} | {'ours':^52} | {'peer':^23} | {'peer / ours':^17} | area\n"
     f"{'scenario':<28} {'h':>3}  |{'predict':>8}{'ground':>8}{'forbid':>8}{'free':>8}{'pair':>8}"
     f"{'all 12':>8}{'sets':>6}|{'check':>8}{'free':>10}{'sets':>6} |"
-    f"{'free':>6}{'all 12':>7}{'fb.':>5} | matched, finer, both beside what is seen"
+    f"{'free':>6}{'all 12':>7}{'fb.':>5} | matched, finer, seen"
 )
 
 

@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 TRAJECTORIES = 100_000
 """At most so many are alive after a step; each goes on in `CHILDREN` ways."""
 CHILDREN = 4
-FINE = 4
+FINE = 2
 """Visited area is counted in cells so many times smaller than ours, along and across."""
 DIRECTIONS = 12
 """In each of our cells the trajectories that are farthest in so many directions go on."""
@@ -38,13 +38,11 @@ class Seen:
         ratios: of each of our sets, its area over that which the peer covers or trajectories visit,
             the largest over the steps at which the peer's is at least `LARGE`; 1.0 where there is
             none.
-        finer_ratios: the same for our sets on finer cells.
         lost_by_us, lost_by_peer: shares of positions, over all steps, that are in no base set; the
             largest of our sets.
     """
 
     ratios: tuple[float, ...]
-    finer_ratios: tuple[float, ...]
     lost_by_us: float
     lost_by_peer: float
 
@@ -52,7 +50,6 @@ class Seen:
 def seen(
     base: Ground,
     sets: Sequence[ReachableSet],
-    finer: Sequence[ReachableSet],
     peers: Sequence[Sequence[Rectangle]],
     areas: Sequence[float],
     seed: int = 0,
@@ -61,14 +58,12 @@ def seen(
 
     Args:
         sets: our free sets on these cells.
-        finer: our free sets on finer cells, which forbid more.
         peers: for each step rectangles (s_low, s_high, d_low, d_high) of the peer's, in our frame.
         areas: of their unions [m^2].
     """
     rng = np.random.default_rng(seed)
     states = _start(base, rng)
-    several = (*sets, *finer)
-    ratios: list[list[float]] = [[] for _ in several]
+    ratios: list[list[float]] = [[] for _ in sets]
     asked, missing, missing_peer = 0, np.zeros(len(sets)), 0
     cell = base.lattice.ds * base.lattice.dd / FINE**2
     for k in range(base.horizon + 1):
@@ -84,15 +79,13 @@ def seen(
             visited = np.zeros(np.array(base.off_road.shape) * FINE, dtype=np.bool_)
             visited[_cells(base, states[lost], FINE)] = True
             visited &= ~_painted(base, peers[k])
-            for each, of_set in zip(several, ratios, strict=True):
+            for each, of_set in zip(sets, ratios, strict=True):
                 extra = visited & _painted(base, _rectangles(each, k))
                 of_set.append(each.area(k) / (areas[k] + float(extra.sum()) * cell))
         if k < base.horizon:
             states = _advanced(base, _outermost(base, states, rng), rng)
-    largest = tuple(max(of_set, default=1.0) for of_set in ratios)
     return Seen(
-        largest[: len(sets)],
-        largest[len(sets) :],
+        tuple(max(of_set, default=1.0) for of_set in ratios),
         float(missing.max()) / max(asked, 1),
         missing_peer / max(asked, 1),
     )
