@@ -29,7 +29,15 @@ from sandra.evaluation.reach_bench.hand_over import (
 )
 from sandra.evaluation.reach_bench.measure import SETTINGS, _handed_over
 from sandra.evaluation.reach_bench.ours import free_set, prepare
-from sandra.evaluation.reach_bench.rows import Ours, Peers, Report, Row, Tight
+from sandra.evaluation.reach_bench.rows import (
+    Checks,
+    Closeness,
+    Ours,
+    Peers,
+    Report,
+    Row,
+    Tight,
+)
 from sandra.logic import Specification
 from sandra.reach import Ground
 from sandra.scene import Frame, Region
@@ -378,6 +386,23 @@ def test_medians_are_over_the_timed_rows() -> None:
     data = json.loads(json.dumps(report.to_dict()))
     assert data["medians"]["15"] == pytest.approx(expected)
     assert data["rows"][2]["refused"] == "why"
+    assert data["areas"] == {}
+
+
+def test_ratios_of_areas_are_told_for_both_precisions() -> None:
+    rows = [
+        Row("a", 15, 0.1, 3, "p", 2, checks=Checks(1.0, (1.0,), 0.1, 0.0, quick, tight))
+        for quick, tight in (
+            (Closeness(1.2, 1.0, 1.0, 1.1), Closeness(1.01, 0.9, 1.0, 1.0)),
+            (Closeness(1.0, 1.0, 1.02, 1.0), Closeness(1.0500000005, 0.9, 1.0, 1.02)),
+        )
+    ]
+    report = Report(tuple(rows), {}, "native")
+    found = report.closeness()
+    assert found["quick"]["matched"] == pytest.approx({"median": 1.1, "worst": 1.2, "within": 1})
+    assert found["tight"]["matched"] == pytest.approx({"median": 1.03, "worst": 1.05, "within": 2})
+    assert "areas, quick: matched 1.100 in the median, 1.200 at most" in str(report)
+    assert "within 1.05 in 2 rows, finer 1.000 in the median" in str(report)
 
 
 def test_command_without_peer(capsys: pytest.CaptureFixture[str]) -> None:

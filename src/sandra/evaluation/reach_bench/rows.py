@@ -9,6 +9,8 @@ from typing import Any
 
 RATIOS = (("free", 20.0), ("every", 4.0), ("prepare", 5.0))
 """Ratios to the peer, and what is aimed at."""
+AREAS = (("matched", "largest", 1.05), ("finer", "finer", 1.01), ("seen", "seen", 1.05))
+"""Ratios of areas, where `Closeness` has them, and what they should be at most."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,6 +142,23 @@ class Report:
         rows = [row.ratios for row in self.rows if horizon in (None, row.horizon) and row.ratios]
         return {name: median(row[name] for row in rows) for name, _ in RATIOS} if rows else {}
 
+    def closeness(self) -> dict[str, dict[str, dict[str, float]]]:
+        """Of each of our precisions and of each ratio of areas: median, worst, rows within."""
+        checked = [row.checks for row in self.rows if row.checks is not None]
+        found: dict[str, dict[str, dict[str, float]]] = {}
+        for precision in ("quick", "tight") if checked else ():
+            found[precision] = {}
+            for name, attribute, most in AREAS:
+                ratios = [getattr(getattr(each, precision), attribute) for each in checked]
+                # As they are printed: 21 rows of cells beside 20 are 1.05, up to a rounding.
+                within = sum(round(ratio, 3) <= most for ratio in ratios)
+                found[precision][name] = {
+                    "median": median(ratios),
+                    "worst": max(ratios),
+                    "within": within,
+                }
+        return found
+
     def to_dict(self) -> dict[str, Any]:
         """For `sandra bench reach --json`."""
         horizons = sorted({row.horizon for row in self.rows})
@@ -147,6 +166,7 @@ class Report:
             "versions": self.versions,
             "kernel": self.kernel,
             "rows": [row.to_dict() for row in self.rows],
+            "areas": self.closeness(),
             "medians": {
                 "all": self.medians(),
                 **{str(h): self.medians(h) for h in horizons},
@@ -169,6 +189,13 @@ class Report:
             lines.append(
                 "aimed at: " + ", ".join(f"{_NAMES[key]} {goal:g}" for key, goal in RATIOS)
             )
+        for precision, of_ratio in self.closeness().items():
+            text = ", ".join(
+                f"{name} {each['median']:.3f} in the median, {each['worst']:.3f} at most, "
+                f"within {most:g} in {each['within']:.0f} rows"
+                for (name, _, most), each in zip(AREAS, of_ratio.values(), strict=True)
+            )
+            lines.append(f"areas, {precision}: {text}")
         return "\n".join(lines)
 
 
