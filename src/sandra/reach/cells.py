@@ -125,7 +125,7 @@ def _inside(area: Any, foot: Array, normal: Array, d: Array) -> Mask:
     across = np.stack([-normal[:, 1], normal[:, 0], offset])
     side = np.column_stack([corners, np.ones(len(corners))]) @ across
     left = side > 0.0
-    edge, line = np.nonzero(left[1:] != left[:-1])
+    edge, line = np.divmod(np.flatnonzero(left[1:] != left[:-1]), len(foot))
     whole = ring[edge + 1] == ring[edge]  # and not from one ring to the next
     edge, line = edge[whole], line[whole]
     before, after = side[edge, line], side[edge + 1, line]
