@@ -20,7 +20,12 @@ ALIKE = 2.0
 
 def grid(scene: Scene, s: Array, d: Array) -> Array:
     """(len(s), len(d), 2) Cartesian points of a grid in the lane frame."""
-    foot, normal = scene.frame.across(s)
+    return _points(scene.frame.across(s), d)
+
+
+def _points(lines: tuple[Array, Array], d: Array) -> Array:
+    """(m, n, 2) points at d on m lines, each a foot point and a normal: (m, 2), (m, 2)."""
+    foot, normal = lines
     return np.asarray(foot[:, None] + d[:, None] * normal[:, None])
 
 
@@ -60,19 +65,24 @@ def off_road(scene: Scene, lattice: Lattice, bulges: Array) -> Mask:
     import shapely
 
     s, d = lattice.centers()
+    foot, normal = scene.frame.across(s)
+    borders = scene.frame.across(lattice.corners()[0])
+
+    def slack_of(rows: NDArray[np.int_]) -> Array:
+        return _slack(lattice, (foot, normal), borders, rows) + bulges[:, None]
+
     several = np.array(areas(scene.lanelets))
     # How far a cell reaches from its centre is convex along a column: most at the ends of a part.
-    slack = _slack(scene, lattice, bulges, np.array([0, lattice.rows // 2, lattice.rows - 1]))
+    slack = slack_of(np.array([0, lattice.rows // 2, lattice.rows - 1]))
     farthest = float(slack.max())
     # What is farther from all centres than the road is shrunk or widened is no matter.
     around = scene.ego.width / 2 + farthest + 1.0
-    sides = grid(scene, s, d[[0, -1]]).reshape(-1, 2)
+    sides = _points((foot, normal), d[[0, -1]]).reshape(-1, 2)
     (low_x, low_y), (high_x, high_y) = sides.min(axis=0) - around, sides.max(axis=0) + around
     x0, y0, x1, y1 = shapely.bounds(several).T
     near = (x0 <= high_x) & (x1 >= low_x) & (y0 <= high_y) & (y1 >= low_y)
     # Neighbouring lanelets may leave slits between them that are no border.
     road = shapely.union_all(several[near]).buffer(0.1).buffer(-0.1)
-    foot, normal = scene.frame.across(s)
 
     def surely_inside(slack: float, columns: slice | Mask) -> Mask:
         # From the cell's centre to the ego's: only sure crossings count.
@@ -82,7 +92,7 @@ def off_road(scene: Scene, lattice: Lattice, bulges: Array) -> Mask:
         return ~surely_inside(farthest, slice(None))
     first = np.arange(0, lattice.rows, BLOCK)
     last = np.minimum(first + BLOCK, lattice.rows) - 1
-    slack = np.maximum(*(_slack(scene, lattice, bulges, rows) for rows in (first, last)))
+    slack = np.maximum(slack_of(first), slack_of(last))
     inside = np.zeros((lattice.columns, lattice.rows), dtype=np.bool_)
     left = np.ones(slack.shape, dtype=np.bool_)
     while left.any():
@@ -94,16 +104,26 @@ def off_road(scene: Scene, lattice: Lattice, bulges: Array) -> Mask:
     return ~inside
 
 
-def _slack(scene: Scene, lattice: Lattice, bulges: Array, rows: NDArray[np.int_]) -> Array:
-    """(columns, len(rows)) how far cells of some rows reach from their centres [m]."""
-    s, d = lattice.corners()
-    centers = grid(scene, lattice.centers()[0], lattice.centers()[1][rows])
+def _slack(
+    lattice: Lattice,
+    middles: tuple[Array, Array],
+    borders: tuple[Array, Array],
+    rows: NDArray[np.int_],
+) -> Array:
+    """(columns, len(rows)) how far the corners of cells of some rows are from their centres [m].
+
+    Args:
+        middles, borders: foot points and normals of the lines through the middles of columns and
+            along their borders.
+    """
+    d = lattice.corners()[1]
+    centers = _points(middles, lattice.centers()[1][rows])
     squared = np.zeros(centers.shape[:2])
-    for side in (grid(scene, s, d[rows]), grid(scene, s, d[rows + 1])):
+    for side in (_points(borders, d[rows]), _points(borders, d[rows + 1])):
         for corner in (side[:-1], side[1:]):
             away = corner - centers
             np.maximum(squared, away[..., 0] ** 2 + away[..., 1] ** 2, out=squared)
-    return np.asarray(np.sqrt(squared) + bulges[:, None])
+    return np.asarray(np.sqrt(squared))
 
 
 def _inside(area: Any, foot: Array, normal: Array, d: Array) -> Mask:
