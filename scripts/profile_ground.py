@@ -20,12 +20,13 @@ from sandra.reach import ground
 from sandra.reach.cells import bulge, grid, off_road
 from sandra.reach.initial import initial_set, lattice_of
 from sandra.reach.occupied import occupied_by, united
+from sandra.reach.windows import Lines
 from sandra.scenarios import example
 from sandra.scene import load
 from sandra.scene.types import Scene
 from sandra.settings import Settings
 
-PARTS = ("lattice", "corners", "road", "others", "union", "rest", "all")
+PARTS = ("lattice", "bulges", "road", "others", "union", "rest", "all")
 """`others`: cells that the other vehicles forbid; `rest`: borders of lanes, speed limits."""
 T = TypeVar("T")
 
@@ -47,11 +48,13 @@ def parts(scene: Scene, horizon: int, runs: int) -> dict[str, float]:
 
     lon, lat = initial_set(scene, settings)
     lattice = timed("lattice", lambda: lattice_of(scene, horizon, lon, lat, settings))
-    corners, bulges = timed(
-        "corners", lambda: (grid(scene, *lattice.corners()), bulge(scene, lattice))
-    )
-    road = timed("road", lambda: off_road(scene, lattice, corners, bulges))
-    others = timed("others", lambda: occupied_by(prediction, corners, scene.ego.width / 2 - bulges))
+    bulges = timed("bulges", lambda: bulge(scene, lattice))
+    road = timed("road", lambda: off_road(scene, lattice, bulges))
+    s, d = lattice.corners()
+    ends = grid(scene, s, d[[0, -1]])
+    reach = scene.ego.width / 2 - bulges
+    lines = Lines.between(ends[:, 0], ends[:, 1], lattice.rows, reach)
+    others = timed("others", lambda: occupied_by(prediction, lines))
     timed("union", lambda: united(lattice, road, others, horizon))
     timed("all", lambda: ground(scene, prediction, settings))
     found["rest"] = max(0.0, found["all"] - sum(x for name, x in found.items() if name != "all"))

@@ -46,6 +46,7 @@ def problem(seed: int) -> Problem:
         forbidden=_forbidden(rng, lattice, horizon),
         moves=_moves(rng, horizon, atoms),
         answers=tuple(_answer(rng, lattice, horizon) for _ in range(atoms)),
+        tight=seed % 3 == 0,
     )
 
 

@@ -5,11 +5,13 @@ import os
 import re
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
 
 import pytest
 
 from sandra.cli import main
+from sandra.reach import Ground
 from sandra.scenarios import examples
 
 NAMES = {"keep", "accelerate", "decelerate", "stop", "follow-lane", "left-lane", "right-lane"}
@@ -65,6 +67,27 @@ def test_verify_all_json_is_one_object_with_twelve_verdicts(
         assert (verdict["status"] == "UNSAFE") == (verdict["first_empty_step"] is not None)
         assert (verdict["status"] == "UNSAFE") == (verdict["reason"] is not None)
         assert verdict["duration_s"] > 0
+
+
+def test_verify_with_the_precision_asked_for(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    used: list[str] = []
+    module = import_module("sandra.reach.verify")
+    original = module.problem_of
+
+    def spy(base: Ground, *rest: object) -> object:
+        used.append(base.settings.precision)
+        return original(base, *rest)
+
+    monkeypatch.setattr(module, "problem_of", spy)
+    words = ("verify", SCENARIO, "--pair", "decelerate,follow-lane")
+    assert main([*words, "--precision", "tight"]) == 0
+    assert main([*words]) == 0
+    capsys.readouterr()
+    assert used == ["tight", "quick"]
+    error = refused(capsys, *words, "--precision", "best")
+    assert "precision = 'best': choose quick or tight" in error
 
 
 def test_decide_json_keeps_the_contract(capsys: pytest.CaptureFixture[str]) -> None:

@@ -27,12 +27,15 @@ def test_frozen() -> None:
 
 def test_load(tmp_path: Path) -> None:
     path = tmp_path / "s.toml"
-    path.write_text("a_lon_min = -8\nv_type = 22.22\n[assumptions]\nno_rear_end = false\n")
+    path.write_text(
+        "a_lon_min = -8\nv_type = 22.22\nprecision = 'tight'\n[assumptions]\nno_rear_end = false\n"
+    )
     s = Settings.load(path)
     assert s.a_lon_min == -8.0
     assert s.v_type == 22.22
     assert s.assumptions == dataclasses.replace(Assumptions(), no_rear_end=False)
     assert s.a_lim == Settings().a_lim
+    assert (s.precision, Settings().precision) == ("tight", "quick")
 
 
 @pytest.mark.parametrize(
@@ -53,6 +56,7 @@ def test_load(tmp_path: Path) -> None:
         {"history": -1},
         {"cell_s": 0.0},
         {"v_fov": math.nan},
+        {"precision": "exact"},
         {"nonsense": 1},
     ],
 )

@@ -92,6 +92,9 @@ class Assumptions:
         raise SettingsError(f"assumptions '{text}': write paper or conformant:FILE")
 
 
+PRECISIONS = ("quick", "tight")
+
+
 @dataclass(frozen=True, slots=True)
 class Settings:
     """All parameters. Change some with `settings.replace(a_lon_min=-8.0)`."""
@@ -169,6 +172,9 @@ class Settings:
     """Length of a lattice cell along the lane [m]: sets only grow by rounding."""
     cell_d: float = 0.2
     """Width of a lattice cell across the lane [m]."""
+    precision: str = "quick"
+    """How closely a reachable set follows the true one: "quick", or "tight" for about twice the
+    time (docs/benchmarks.md, Areas). Either holds all that can be reached."""
 
     assumptions: Assumptions = field(default_factory=Assumptions)
     """Of the set-based prediction."""
@@ -199,6 +205,8 @@ class Settings:
             raise SettingsError(
                 f"a_lon_min = {self.a_lon_min} exceeds a_lon_max = {self.a_lon_max}: swap them"
             )
+        if self.precision not in PRECISIONS:
+            raise SettingsError(f"precision = {self.precision!r}: choose quick or tight")
         for name in ("k", "horizon"):
             _require(self, name, lambda v: isinstance(v, int) and v >= 1, "an integer >= 1")
         _require(self, "history", lambda v: isinstance(v, int) and v >= 0, "an integer >= 0")

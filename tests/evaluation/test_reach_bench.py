@@ -29,7 +29,15 @@ from sandra.evaluation.reach_bench.hand_over import (
 )
 from sandra.evaluation.reach_bench.measure import SETTINGS, _handed_over
 from sandra.evaluation.reach_bench.ours import free_set, prepare
-from sandra.evaluation.reach_bench.rows import Ours, Peers, Report, Row
+from sandra.evaluation.reach_bench.rows import (
+    Checks,
+    Closeness,
+    Ours,
+    Peers,
+    Report,
+    Row,
+    Tight,
+)
 from sandra.logic import Specification
 from sandra.reach import Ground
 from sandra.scene import Frame, Region
@@ -275,6 +283,21 @@ def test_trajectories_leave_the_peers_set_where_it_drops_narrow_gaps(peer: Peer)
 
 
 @needs_peer
+def test_a_tight_set_is_as_tight_as_the_peers() -> None:
+    """Behind a gap, boxes along the lane mix what got ahead and what got aside."""
+    report = bench_reach(
+        [sandra.example("intersection")], horizons=[25], python=PYTHON, pair=PAIR, runs=1
+    )
+    (row,) = report.rows
+    assert row.checks is not None
+    assert row.checks.quick.largest > 1.08
+    assert row.checks.tight.largest <= 1.05
+    assert row.checks.tight.finer <= 1.01
+    assert row.checks.tight.smallest > 0.9
+    assert f"| area {row.checks.tight}" in str(report)
+
+
+@needs_peer
 def test_an_error_of_the_peer_is_told_and_survived(peer: Peer) -> None:
     base = base_of("merge", 3)
     problem = problem_of(base)
@@ -303,7 +326,8 @@ def test_rows_are_checked_and_timed(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     assert row.peer is not None
     assert row.checks is not None
     assert row.checks.obstacles > 0.99
-    assert 0.9 < row.checks.smallest <= row.checks.largest < 1.2
+    for found in (row.checks.quick, row.checks.tight):
+        assert 0.9 < found.smallest <= found.largest < 1.2
     assert row.peer.areas[8] == pytest.approx(row.ours.areas[8], rel=0.1)
     assert row.ratios["free"] == pytest.approx(row.peer.free / row.ours.free)
     assert report.versions["commonroad-reach"] == "2025.2.1"
@@ -345,7 +369,8 @@ def test_without_the_peers_packages_its_last_words_are_told() -> None:
 
 
 def test_medians_are_over_the_timed_rows() -> None:
-    ours = Ours(0.001, 0.03, 0.01, 0.002, 0.003, 0.02, (1.0,), 4)
+    tight = Tight(0.004, 0.04, (1.0,), 6)
+    ours = Ours(0.001, 0.03, 0.01, 0.002, 0.003, 0.02, (1.0,), 4, tight)
     rows = [
         Row("a", 15, 0.1, 3, "p", 2, ours, Peers(0.001, 0.02, 0.04, (1.0,), 5)),
         Row("b", 15, 0.1, 3, "p", 2, ours, Peers(0.001, 0.04, 0.08, (1.0,), 5)),
@@ -361,6 +386,23 @@ def test_medians_are_over_the_timed_rows() -> None:
     data = json.loads(json.dumps(report.to_dict()))
     assert data["medians"]["15"] == pytest.approx(expected)
     assert data["rows"][2]["refused"] == "why"
+    assert data["areas"] == {}
+
+
+def test_ratios_of_areas_are_told_for_both_precisions() -> None:
+    rows = [
+        Row("a", 15, 0.1, 3, "p", 2, checks=Checks(1.0, (1.0,), 0.1, 0.0, quick, tight))
+        for quick, tight in (
+            (Closeness(1.2, 1.0, 1.0, 1.1), Closeness(1.01, 0.9, 1.0, 1.0)),
+            (Closeness(1.0, 1.0, 1.02, 1.0), Closeness(1.0500000005, 0.9, 1.0, 1.02)),
+        )
+    ]
+    report = Report(tuple(rows), {}, "native")
+    found = report.closeness()
+    assert found["quick"]["matched"] == pytest.approx({"median": 1.1, "worst": 1.2, "within": 1})
+    assert found["tight"]["matched"] == pytest.approx({"median": 1.03, "worst": 1.05, "within": 2})
+    assert "areas, quick: matched 1.100 in the median, 1.200 at most" in str(report)
+    assert "within 1.05 in 2 rows, finer 1.000 in the median" in str(report)
 
 
 def test_command_without_peer(capsys: pytest.CaptureFixture[str]) -> None:

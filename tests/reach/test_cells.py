@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import shapely
+import shapely.affinity
 
 from reach_scenes import Course
-from sandra.reach.cells import bulge, grid, off_road
+from sandra.reach.cells import _inside, _slack, bulge, grid, off_road
 from sandra.reach.lattice import Lattice, Mask
 from sandra.scene.frame import Frame
 from sandra.scene.types import Scene
@@ -63,8 +64,7 @@ def test_corners_in_one_cell_add_up_whichever_way_they_turn() -> None:
 
 
 def off(scene: Scene, lattice: Lattice) -> Mask:
-    corners = grid(scene, *lattice.corners())
-    return off_road(scene, lattice, corners, bulge(scene, lattice))
+    return off_road(scene, lattice, bulge(scene, lattice))
 
 
 def test_off_the_road_are_cells_whose_disc_crosses_the_border_for_sure() -> None:
@@ -116,5 +116,46 @@ def test_cells_up_to_twice_as_large_are_told_like_the_largest() -> None:
     away = corners[:-1, :-1] - grid(scene, *lattice.centers())
     assert (np.hypot(away[..., 0], away[..., 1]) == 0.625).all()
     for bulging, alike in ((0.625, True), (0.625 + 2.0**-40, False)):
-        found = off_road(scene, lattice, corners, np.array([0.0, bulging]))
+        found = off_road(scene, lattice, np.array([0.0, bulging]))
         assert (found[0] == found[1]).all() == alike
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_inside_is_what_shapely_contains(seed: int) -> None:
+    """Areas in several parts and with holes, on lines that need not be parallel."""
+    rng = np.random.default_rng(seed)
+    discs = shapely.points(rng.uniform(-10.0, 10.0, (12, 2))).tolist()
+    holes = shapely.points(rng.uniform(-10.0, 10.0, (6, 2))).tolist()
+    area = shapely.union_all([p.buffer(rng.uniform(1.0, 4.0)) for p in discs])
+    area = area.difference(shapely.union_all([p.buffer(rng.uniform(0.2, 2.0)) for p in holes]))
+    offset = rng.uniform(-1.0, 1.0, 2) * 1e5
+    area = shapely.affinity.translate(area, *offset)
+    m = 60
+    foot = offset + np.column_stack([np.linspace(-14.0, 14.0, m), rng.uniform(-1.0, 1.0, m)])
+    normal = np.column_stack([rng.uniform(-0.4, 0.4, m), rng.uniform(0.5, 1.5, m)])
+    d = np.linspace(-12.0, 12.0, 75)
+    points = foot[:, None] + d[:, None] * normal[:, None]
+    found = _inside(area, foot, normal, d)
+    assert (found == shapely.contains_xy(area, *points.transpose(2, 0, 1))).all()
+    assert 0.1 < found.mean() < 0.9
+    assert not _inside(shapely.Polygon(), foot, normal, d).any()
+
+
+def test_in_a_lattice_where_cells_differ_much_each_is_told_by_its_own_size() -> None:
+    """Inside a bend of 20 m, cells 15 m to the left of the line are a quarter as long as on it."""
+    course = Course(1 / 20, step=0.25)
+    scene = course.scene([course.lane("current", 100, -1.75, 16.0, start=-20.0, end=15.0)])
+    lattice = Lattice(20.0, -2.0, 2.0, 0.25, 12, 72)
+    found = off(scene, lattice)
+    lines = [scene.frame.across(s) for s in (lattice.centers()[0], lattice.corners()[0])]
+    slack = _slack(lattice, *lines, np.arange(lattice.rows))
+    assert slack.max() > 2 * slack.min()
+    ends = _slack(lattice, *lines, np.array([0, lattice.rows - 1]))
+    assert slack.max() == pytest.approx(ends.max(), rel=1e-12)
+    centers = shapely.points(grid(scene, *lattice.centers()))
+    free = scene.lanelets[0].area()
+    inside = np.where(shapely.covers(free, centers), shapely.distance(free.boundary, centers), -1.0)
+    # 0.1 m is what the closing of slits may take off a corner of the road
+    assert (inside[found] <= 0.9 - slack[found] + 0.1).all()
+    # told like the largest of those up to twice as large
+    assert found[inside < 0.9 - 2 * slack - 0.1].all()

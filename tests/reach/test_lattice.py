@@ -1,6 +1,7 @@
 """The lattice and its cover by boxes."""
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -172,3 +173,14 @@ def test_places_of_a_lattice() -> None:
     assert lattice.touched(2.5 + 1e-6, 3.0 - 1e-6, -0.75 + 1e-6, -0.5 - 1e-6) == (1, 2, 1, 2)
     assert lattice.touched(2.5 + 4e-7, 3.0 - 4e-7, -0.75 + 2e-7, -0.5 - 2e-7) == (0, 3, 0, 3)
     assert lattice.touched(-9.0, 9.0, -9.0, 9.0) == (0, 4, 0, 3)
+
+
+@pytest.mark.parametrize("away", [0.3, 1.0, 7.0])
+def test_what_lies_beside_the_lattice_touches_no_cell(away: float) -> None:
+    lattice = Lattice(2.0, -1.0, 0.5, 0.25, 4, 3)
+    low, high = (2.0 - away, 2.0 - away), (4.0 + away, 4.0 + away)
+    down, up = (-1.0 - away, -1.0 - away), (-0.25 + away, -0.25 + away)
+    for s, d in [(low, (-0.9, -0.8)), (high, (-0.9, -0.8)), ((2.1, 2.2), down), ((2.1, 2.2), up)]:
+        i0, i1, j0, j1 = lattice.touched(*s, *d)
+        assert i0 >= i1 or j0 >= j1
+        assert min(i0, i1, j0, j1) >= 0

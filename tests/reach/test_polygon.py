@@ -150,6 +150,12 @@ def test_propagate_holds_every_trajectory(
     start = rng.dirichlet(np.full(len(polygon), 0.3), 300) @ np.array(polygon)
     end = moved(start, low, low + span, dt, rng)
     assert in_polygon(propagate(polygon, low, low + span, dt), end).all()
+    assert in_polygon(propagate(polygon, low, low + span, dt, tight=True), end).all()
+    speeds = sorted(rng.choice(end[:, 1], 2))
+    kept = end[(end[:, 1] >= speeds[0]) & (end[:, 1] <= speeds[1])]
+    found = propagate(polygon, low, low + span, dt, tuple(speeds), tight=seed % 2 == 0)
+    assert in_polygon(found, kept).all()
+    assert speeds[0] - 2e-9 <= range_y(found)[0] <= range_y(found)[1] <= speeds[1] + 2e-9
 
 
 @given(st.floats(-8.0, 8.0), st.floats(0.1, 12.0), st.sampled_from([0.04, 0.1, 0.2]))
@@ -169,6 +175,12 @@ def test_propagate_of_a_point_is_tight(low: float, span: float, dt: float) -> No
     lens = float(np.trapezoid(width, u))
     assert lens == pytest.approx(span**2 * dt**3 / 6, rel=1e-4)
     assert shape(found).area == pytest.approx(span**2 * dt**3 / 4, rel=1e-6)
+    # The hexagon: 9/8 of the lens.
+    tight = propagate([(1.0, 2.0)], low, low + span, dt, tight=True)
+    assert range_x(tight) == pytest.approx(x, abs=1e-12)
+    assert range_y(tight) == pytest.approx(v, abs=1e-12)
+    assert len(tight) == 6
+    assert shape(tight).area == pytest.approx(span**2 * dt**3 * 3 / 16, rel=1e-6)
 
 
 def test_propagate_with_one_admissible_input() -> None:
@@ -410,11 +422,25 @@ def test_a_new_corner_is_within_the_range_of_its_edge() -> None:
         assert area == np.inf if found is None else (area, corner) == found
 
 
-def test_positions_and_speeds_of_a_free_set_are_exact_for_ever() -> None:
+@pytest.mark.parametrize("tight", [False, True])
+def test_positions_at_the_highest_speed_grow_as_they_can(tight: bool) -> None:
+    """By v dt and, if the speed swings within the step, a dt^2 / 4; twice that if not `tight`."""
+    polygon, dt = [(0.0, 19.0)], 0.1
+    for k in range(1, 81):
+        before = range_x(polygon)[1]
+        polygon = propagate(polygon, -6.0, 6.0, dt, (0.0, 20.0), tight=tight)
+        assert len(polygon) <= MAX_CORNERS
+        if k > 3:
+            swing = 6.0 * dt**2 / (4 if tight else 2)
+            assert range_x(polygon)[1] - before == pytest.approx(20.0 * dt + swing, abs=1e-6)
+
+
+@pytest.mark.parametrize("tight", [False, True])
+def test_positions_and_speeds_of_a_free_set_are_exact_for_ever(tight: bool) -> None:
     """However many edges are dropped: both grow as constant acceleration makes them."""
     polygon, dt = [(0.0, 10.0)], 0.1
     for k in range(1, 81):
-        polygon = propagate(polygon, -6.0, 4.0, dt)
+        polygon = propagate(polygon, -6.0, 4.0, dt, tight=tight)
         t = k * dt
         assert len(polygon) <= MAX_CORNERS
         assert range_y(polygon) == pytest.approx((10.0 - 6.0 * t, 10.0 + 4.0 * t), abs=1e-9)

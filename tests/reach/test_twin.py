@@ -17,7 +17,7 @@ from sandra.prediction import predict
 from sandra.reach import ReachableSet, ground, kernel, reachable_set, twin, verify_on
 from sandra.reach.moves import Move
 from sandra.reach.problem import alike
-from sandra.settings import Settings
+from sandra.settings import PRECISIONS, Settings
 
 needs_native = pytest.mark.skipif(twin.native is None, reason="the native kernel was not built")
 
@@ -78,6 +78,7 @@ def test_what_is_not_alike_is_not_shared() -> None:
         replace(own, a_lat=(-1.5, 1.0)),
         replace(own, v_lon=(low, high + 1.0)),
         replace(own, v_lat=(-2.5, 2.0)),
+        replace(own, tight=not own.tight),
         replace(own, lattice=replace(own.lattice, ds=2 * own.lattice.ds)),
         replace(own, forbidden=tuple(m.copy() for m in own.forbidden)),
         replace(own, moves=replace(own.moves, live=(*own.moves.live[::-1], frozenset({7})))),
@@ -94,7 +95,7 @@ def test_what_is_not_alike_is_not_shared() -> None:
 def _scenes(seeds: range, monkeypatch: pytest.MonkeyPatch) -> int:
     count = 0
     for seed in seeds:
-        settings = Settings(horizon=6 + seed % 10)
+        settings = Settings(horizon=6 + seed % 10, precision=PRECISIONS[seed % 3 == 0])
         scene = draw(seed).scene
         kind = ("most-likely", "set-based")[seed % 2]
         base = ground(scene, predict(scene, kind, settings.horizon, settings), settings)

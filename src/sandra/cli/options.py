@@ -64,6 +64,12 @@ def add_verification(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--horizon", type=int, metavar="H", help="steps to verify (default: 25)")
     parser.add_argument(
+        "--precision",
+        metavar="HOW",
+        help="of reachable sets: quick, or tight for smaller ones in about twice the time "
+        "(default: that of --settings)",
+    )
+    parser.add_argument(
         "--vocabulary", metavar="FILE", help="a TOML file with actions and rules of your own"
     )
     parser.add_argument("--figure", metavar="FILE", help="draw it: .png, .pdf or .svg")
@@ -145,9 +151,10 @@ def settings_of(arguments: argparse.Namespace) -> Settings:
 
     settings = Settings.load(arguments.settings) if arguments.settings else Settings()
     chosen = getattr(arguments, "assumptions", None)
-    if chosen is None:
-        return settings
-    return settings.replace(assumptions=Assumptions.named(chosen))
+    if chosen is not None:
+        settings = settings.replace(assumptions=Assumptions.named(chosen))
+    precision = getattr(arguments, "precision", None)
+    return settings if precision is None else settings.replace(precision=precision)
 
 
 def vocabulary_of(arguments: argparse.Namespace) -> Vocabulary | None:

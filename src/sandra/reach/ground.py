@@ -24,7 +24,7 @@ from sandra.reach.lattice import Lattice, Mask
 from sandra.reach.occupied import occupied_by, united
 from sandra.reach.polygon import Polygon
 from sandra.reach.problem import Answer
-from sandra.reach.windows import Windows
+from sandra.reach.windows import Lines, Windows
 from sandra.scene.types import Scene
 from sandra.settings import Settings
 
@@ -120,7 +120,10 @@ def forbidden_cells(
     scene: Scene, prediction: Prediction, lattice: Lattice
 ) -> tuple[Mask, Sequence[Windows], Sequence[Mask]]:
     """The cells off the road, those that each obstacle forbids, and all of them at each step."""
-    corners, bulges = grid(scene, *lattice.corners()), bulge(scene, lattice)
-    beyond_road = off_road(scene, lattice, corners, bulges)
-    occupied = occupied_by(prediction, corners, scene.ego.width / 2 - bulges)
+    bulges = bulge(scene, lattice)
+    beyond_road = off_road(scene, lattice, bulges)
+    s, d = lattice.corners()
+    ends = grid(scene, s, d[[0, -1]])
+    lines = Lines.between(ends[:, 0], ends[:, 1], lattice.rows, scene.ego.width / 2 - bulges)
+    occupied = occupied_by(prediction, lines)
     return beyond_road, occupied, united(lattice, beyond_road, occupied, prediction.horizon)

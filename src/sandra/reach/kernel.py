@@ -85,8 +85,8 @@ def _propagated(problem: Problem, sets: tuple[BaseSet, ...], k: int) -> list[_Ca
     """What each base set of step k - 1 reaches at step k."""
     found = []
     for index, b in enumerate(sets):
-        lon = cut_y(propagate(b.lon, *b.inputs, problem.dt), *problem.v_lon)
-        lat = cut_y(propagate(b.lat, *problem.a_lat, problem.dt), *problem.v_lat)
+        lon = propagate(b.lon, *b.inputs, problem.dt, problem.v_lon, problem.tight)
+        lat = propagate(b.lat, *problem.a_lat, problem.dt, problem.v_lat, problem.tight)
         if lon and lat:
             # Only the last letter asks with which input its state was reached.
             inputs = b.inputs if k == problem.horizon else UNBOUNDED
@@ -113,13 +113,26 @@ def _covered(
             window[a - i0 : b - i0, c - j0 : d - j0] = True
         contested[i0:i1, j0:j1] |= window
         window &= ~problem.forbidden[k][i0:i1, j0:j1]
-        for a, b, c, d in boxes(window, min(COVER_TOLERANCE, (i1 - i0) // EXACT_BELOW)):
+        for a, b, c, d in _cover(window, problem.tight):
             box = (a + i0, b + i0, c + j0, d + j0)
             candidate = _joined(problem, box, members, touched)
             if candidate is not None:
                 lon, lat, parents = candidate
                 found.append(_Candidate(lon, lat, label, came_with, parents))
     return found
+
+
+def _cover(window: Mask, tight: bool) -> list[Box]:
+    """Boxes over the cells of a window.
+
+    They are as long as possible along the lane: few, but what got far ahead and what got far aside
+    then share a box, which holds all pairs of what they do along and across the lane. If `tight`,
+    they are as wide as possible across the lane, cover no cell that is not in the window, and end
+    wherever its width changes, as behind a gap.
+    """
+    if tight:
+        return boxes(window, along_s=False)
+    return boxes(window, min(COVER_TOLERANCE, len(window) // EXACT_BELOW))
 
 
 def _joined(

@@ -57,12 +57,16 @@ class Lattice:
         return Lattice(i0 * ds, j0 * dd, ds, dd, max(1, i1 - i0), max(1, j1 - j0))
 
     def touched(self, s_low: float, s_high: float, d_low: float, d_high: float) -> Box:
-        """Every cell that the rectangle touches (rounded outwards), within the lattice."""
+        """Every cell that the rectangle touches (rounded outwards), within the lattice.
+
+        None, i0 >= i1 or j0 >= j1, if it lies beside the lattice; no bound is negative.
+        """
         i0 = floor((s_low - self.s0) / self.ds - 1e-6)
         i1 = floor((s_high - self.s0) / self.ds + 1e-6) + 1
         j0 = floor((d_low - self.d0) / self.dd - 1e-6)
         j1 = floor((d_high - self.d0) / self.dd + 1e-6) + 1
-        return max(i0, 0), min(i1, self.columns), max(j0, 0), min(j1, self.rows)
+        i1, j1 = min(max(i1, 0), self.columns), min(max(j1, 0), self.rows)
+        return max(i0, 0), i1, max(j0, 0), j1
 
     def bounds(self, box: Box) -> tuple[float, float, float, float]:
         """(s_low, s_high, d_low, d_high) of a box [m]."""

@@ -7,22 +7,19 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sandra.prediction.types import Prediction
 from sandra.reach import twin
 from sandra.reach.later import Later
 from sandra.reach.lattice import Copied, Lattice, Mask, Masks, packed
-from sandra.reach.windows import Lines, Window, Windows, distinct, union, windows
-
-Array = NDArray[np.float64]
+from sandra.reach.windows import Lines, Window, Windows, distinct, on_lines, union
 
 
-def occupied_by(prediction: Prediction, corners: Array, reach: Array) -> Sequence[Windows]:
+def occupied_by(prediction: Prediction, lines: Lines) -> Sequence[Windows]:
     """The forbidden windows of each obstacle at each step; see `sandra.reach.windows.windows`."""
     if twin.chosen() == "native":
-        return NativeWindows.of(prediction, Lines.of(corners, reach))
-    return windows(prediction, corners, reach)
+        return NativeWindows.of(prediction, lines)
+    return on_lines(prediction, lines)
 
 
 def united(

@@ -100,18 +100,34 @@ def cut_y(polygon: Polygon, low: float, high: float) -> Polygon:
     return polygon
 
 
-def propagate(polygon: Polygon, low: float, high: float, dt: float) -> Polygon:
+def propagate(
+    polygon: Polygon,
+    low: float,
+    high: float,
+    dt: float,
+    speeds: tuple[float, float] = (-inf, inf),
+    tight: bool = False,
+) -> Polygon:
     """Every (x, v) a double integrator reaches from `polygon` after dt with inputs in [low, high].
+
+    Of these, those whose speed is then in `speeds`. They are cut to it before corners are dropped,
+    which does not widen the range of x, and would do so with what is faster than that still there.
 
     The input may vary in any way within the step. Its response from rest is a lens between two
     parabolas; the parallelogram of the tangents at the lens' two tips encloses it, and its edges
-    (dt, 1) and (0, 1) recur from step to step, so that a free set gains two edges per step.
+    (dt, 1) and (0, 1) recur from step to step, so that a free set gains two edges per step. If
+    `tight`, the hexagon of these tangents and of those half way between the tips, which costs more.
     Söntges & Althoff 2018, Sec. III.
     """
     x0, v0 = low * dt * dt / 2, low * dt
     half = (high - low) * dt / 2
     moved = [(x + v * dt + x0, v + v0) for x, v in polygon]
-    return limit_corners(swept(swept(moved, half * dt, half), 0.0, half))
+    edges = [(half * dt, half), (0.0, half)]
+    if tight:
+        edges = [(half * dt / 2, half / 2), (half * dt / 2, half), (0.0, half / 2)]
+    for edge in edges:
+        moved = swept(moved, *edge)
+    return limit_corners(cut_y(moved, *speeds))
 
 
 def swept(polygon: Polygon, x: float, y: float) -> Polygon:

@@ -56,6 +56,8 @@ class Problem:
     forbidden: Sequence[Mask]
     moves: Moves
     answers: tuple[Answer, ...]
+    tight: bool = False
+    """Follow the true set more closely, at a price; see `sandra.settings.Settings.precision`."""
 
     def until_the_last_letter(self) -> Hashable:
         """All that decides the steps before the last one."""
@@ -66,7 +68,7 @@ class Problem:
             )
             for row in self.moves.moves
         )
-        bounds = self.dt, self.horizon, self.a_lat, self.v_lon, self.v_lat
+        bounds = self.dt, self.horizon, self.a_lat, self.v_lon, self.v_lat, self.tight
         start = tuple(self.lon), tuple(self.lat), self.moves.initial
         return rows, self.moves.live, bounds, start, self.lattice, id(self.forbidden)
 

@@ -99,6 +99,7 @@ def _computed(problems: list[Problem]) -> list[ReachableSet]:
         problem.a_lat,
         problem.v_lon,
         problem.v_lat,
+        problem.tight,
         _copied(problem.forbidden, partial(_field, problem.lattice)),
         [
             (_copied(each.moves, _moves), [_copied(answer, _answer) for answer in each.answers])

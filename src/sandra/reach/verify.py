@@ -130,4 +130,5 @@ def problem_of(
         forbidden=base.forbidden if forbidden is None else forbidden,
         moves=moves_of(spec.dfa, inputs, base.horizon),
         answers=answers_of(base, spec.dfa.atoms),
+        tight=settings.precision == "tight",
     )

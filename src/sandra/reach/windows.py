@@ -43,11 +43,16 @@ def windows(prediction: Prediction, corners: Array, reach: Array) -> tuple[Windo
         reach: (columns,) how near a cell's corners must be to a region to forbid the cell [m].
             On a line between two columns the smaller one counts for both.
     """
+    return on_lines(prediction, Lines.of(corners, reach))
+
+
+def on_lines(prediction: Prediction, lines: Lines) -> tuple[Windows, ...]:
+    """The same for the lines on which the corners stand."""
     regions = distinct(prediction)
     found: dict[int, list[Window]] = {key: [] for key in regions}
     if regions:
         several = list(regions.values())
-        for number, window in _windows(several, Lines.of(corners, reach)):
+        for number, window in _windows(several, lines):
             found[id(several[number])].append(window)
     return tuple(
         tuple(tuple(w for region in at for w in found[id(region)]) for at in obstacle.at)
@@ -94,11 +99,15 @@ class Lines:
 
     @staticmethod
     def of(corners: Array, reach: Array) -> Lines:
-        rows = corners.shape[1] - 1
-        way = corners[:, -1] - corners[:, 0]
+        return Lines.between(corners[:, 0], corners[:, -1], corners.shape[1] - 1, reach)
+
+    @staticmethod
+    def between(first: Array, last: Array, rows: int, reach: Array) -> Lines:
+        """From the first corner of each line (n, 2) to its last; `reach` (n - 1,) of columns."""
+        way = last - first
         length = np.hypot(way[:, 0], way[:, 1])
         per_line = np.minimum(np.append(reach, np.inf), np.append(np.inf, reach))
-        return Lines(corners[:, 0], way / length[:, None], length / rows, per_line, rows)
+        return Lines(first, way / length[:, None], length / rows, per_line, rows)
 
     def near(self, middle: Array, radius: Array) -> tuple[Ints, Ints]:
         """Pairs of a disc and a line that may meet, the lines of each disc ascending.

@@ -17,9 +17,23 @@ from sandra.evaluation.reach_bench.hand_over import (
     in_our_frame,
     problem_of,
 )
-from sandra.evaluation.reach_bench.ours import OurTimes, free_set, prepare, time_ours
+from sandra.evaluation.reach_bench.ours import (
+    OurTimes,
+    free_set,
+    prepare,
+    tightened,
+    time_ours,
+)
 from sandra.evaluation.reach_bench.peer import Peer, PeerError
-from sandra.evaluation.reach_bench.rows import Checks, Ours, Peers, Report, Row
+from sandra.evaluation.reach_bench.rows import (
+    Checks,
+    Closeness,
+    Ours,
+    Peers,
+    Report,
+    Row,
+    Tight,
+)
 from sandra.evaluation.reach_bench.seen import seen
 from sandra.reach import Ground, ReachableSet, twin
 from sandra.scene import load
@@ -104,6 +118,7 @@ def _row(
             checks = _checked(base, found, peer, tolerance)
         except (PeerError, check.NotTheSame) as error:
             refused, peer = str(error), None
+    close = free_set(tightened(base))
     times: list[OurTimes] = []
     theirs: list[dict[str, float]] = []
     for run in range(runs + 1):
@@ -121,6 +136,12 @@ def _row(
         every=median(run.every for run in times[1:]),
         areas=_areas(found),
         sets=sum(found.sizes),
+        tight=Tight(
+            median(run.tight_free for run in times[1:]),
+            median(run.tight_every for run in times[1:]),
+            _areas(close),
+            sum(close.sizes),
+        ),
     )
     peers = None
     if peer is not None:
@@ -183,7 +204,7 @@ def _handed_over(
 
 
 def _checked(base: Ground, found: ReachableSet, peer: Peer, tolerance: float) -> Checks:
-    """Compare the two problems, then the two sets at matched resolution."""
+    """Compare the two problems, then our sets with the peer's at matched resolution."""
     peer.ask(_prepare(base))
     share = check.check_obstacles(peer.ask(check.forbidden_points(base, found))["collides"])
     peer.ask({"do": "compute"})
@@ -205,22 +226,21 @@ def _checked(base: Ground, found: ReachableSet, peer: Peer, tolerance: float) ->
     check.check_bounds(base, steps)
     matched = tuple(step["area"] for step in steps)
     check.check_alive([step["area"] for step in own], matched)
-    areas = check.check_areas(_areas(found), matched, tolerance)
-    boxes = [in_our_frame(base, step["boxes"]) for step in steps]
-    driven = seen(base, found, boxes, matched)
-    check.check_nothing_lost(driven.lost_by_us)
+    check.check_areas(_areas(found), matched, tolerance)
     finer = base.settings.replace(cell_s=cell_s / FINER, cell_d=cell_d / FINER)
-    fine = check.Areas.of(_areas(free_set(prepare(base.scene, finer))), matched)
-    return Checks(
-        share,
-        matched,
-        spent,
-        areas.largest,
-        areas.smallest,
-        fine.largest,
-        driven.ratio,
-        driven.lost_by_peer,
+    fine = prepare(base.scene, finer)
+    sets = (found, free_set(tightened(base)))
+    finer_sets = (free_set(fine), free_set(tightened(fine)))
+    boxes = [in_our_frame(base, step["boxes"]) for step in steps]
+    driven = seen(base, sets, boxes, matched)
+    check.check_nothing_lost(driven.lost_by_us)
+    of_sets = [check.Areas.of(_areas(each), matched) for each in sets]
+    of_finer = [check.Areas.of(_areas(each), matched).largest for each in finer_sets]
+    quick, tight = (
+        Closeness(own.largest, own.smallest, finer, ratio)
+        for own, finer, ratio in zip(of_sets, of_finer, driven.ratios, strict=True)
     )
+    return Checks(share, matched, spent, driven.lost_by_peer, quick, tight)
 
 
 def _areas(found: ReachableSet) -> tuple[float, ...]:

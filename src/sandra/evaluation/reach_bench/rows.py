@@ -9,6 +9,18 @@ from typing import Any
 
 RATIOS = (("free", 20.0), ("every", 4.0), ("prepare", 5.0))
 """Ratios to the peer, and what is aimed at."""
+AREAS = (("matched", "largest", 1.05), ("finer", "finer", 1.01), ("seen", "seen", 1.05))
+"""Ratios of areas, where `Closeness` has them, and what they should be at most."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tight:
+    """Ours with the precision "tight"; as `Ours`."""
+
+    free: float
+    every: float
+    areas: tuple[float, ...]
+    sets: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +39,7 @@ class Ours:
     every: float
     areas: tuple[float, ...]
     sets: int
+    tight: Tight
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +54,25 @@ class Peers:
 
 
 @dataclass(frozen=True, slots=True)
+class Closeness:
+    """Our area beside the peer's on the same forbidden cells, for one of our precisions.
+
+    Attributes:
+        largest, smallest: our area over the peer's at matched resolution, extremes over the steps.
+        finer: the largest such ratio for our set on cells of a quarter of the size, both ways.
+        seen: the largest ratio to what the matched set covers or trajectories visit.
+    """
+
+    largest: float
+    smallest: float
+    finer: float
+    seen: float
+
+    def __str__(self) -> str:
+        return ", ".join(f"{ratio:.3f}" for ratio in (self.largest, self.finer, self.seen))
+
+
+@dataclass(frozen=True, slots=True)
 class Checks:
     """What was found when the two problems were compared.
 
@@ -48,20 +80,16 @@ class Checks:
         obstacles: share of our forbidden cells that the peer forbids.
         matched: areas of the peer's core per step on our cells, at our resolution [m^2].
         matched_time: what that took, once [s].
-        largest, smallest: our area over the matched one, extremes over the steps.
-        finer: the largest such ratio for our set on cells of a quarter of the size, both ways.
-        seen: the largest ratio of our area to what the matched set covers or trajectories visit.
-        lost: the share of positions on trajectories that are not in the matched set; ours has all.
+        lost: the share of positions on trajectories that are not in the matched set; ours have all.
+        quick, tight: our areas beside them.
     """
 
     obstacles: float
     matched: tuple[float, ...]
     matched_time: float
-    largest: float
-    smallest: float
-    finer: float
-    seen: float
     lost: float
+    quick: Closeness
+    tight: Closeness
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,6 +142,23 @@ class Report:
         rows = [row.ratios for row in self.rows if horizon in (None, row.horizon) and row.ratios]
         return {name: median(row[name] for row in rows) for name, _ in RATIOS} if rows else {}
 
+    def closeness(self) -> dict[str, dict[str, dict[str, float]]]:
+        """Of each of our precisions and of each ratio of areas: median, worst, rows within."""
+        checked = [row.checks for row in self.rows if row.checks is not None]
+        found: dict[str, dict[str, dict[str, float]]] = {}
+        for precision in ("quick", "tight") if checked else ():
+            found[precision] = {}
+            for name, attribute, most in AREAS:
+                ratios = [getattr(getattr(each, precision), attribute) for each in checked]
+                # As they are printed: 21 rows of cells beside 20 are 1.05, up to a rounding.
+                within = sum(round(ratio, 3) <= most for ratio in ratios)
+                found[precision][name] = {
+                    "median": median(ratios),
+                    "worst": max(ratios),
+                    "within": within,
+                }
+        return found
+
     def to_dict(self) -> dict[str, Any]:
         """For `sandra bench reach --json`."""
         horizons = sorted({row.horizon for row in self.rows})
@@ -121,6 +166,7 @@ class Report:
             "versions": self.versions,
             "kernel": self.kernel,
             "rows": [row.to_dict() for row in self.rows],
+            "areas": self.closeness(),
             "medians": {
                 "all": self.medians(),
                 **{str(h): self.medians(h) for h in horizons},
@@ -143,6 +189,13 @@ class Report:
             lines.append(
                 "aimed at: " + ", ".join(f"{_NAMES[key]} {goal:g}" for key, goal in RATIOS)
             )
+        for precision, of_ratio in self.closeness().items():
+            text = ", ".join(
+                f"{name} {each['median']:.3f} in the median, {each['worst']:.3f} at most, "
+                f"within {most:g} in {each['within']:.0f} rows"
+                for (name, _, most), each in zip(AREAS, of_ratio.values(), strict=True)
+            )
+            lines.append(f"areas, {precision}: {text}")
         return "\n".join(lines)
 
 
@@ -167,8 +220,13 @@ def _lines(row: Row) -> list[str]:
         found = row.ratios
         text += f"{found['free']:6.1f}{found['every']:7.2f}{found['prepare']:5.1f} | "
     if row.checks is not None:
-        text += f"{row.checks.largest:.3f}, {row.checks.finer:.3f}, {row.checks.seen:.3f}"
+        text += str(row.checks.quick)
     lines = [text]
+    if row.ours is not None:
+        close = row.ours.tight
+        text = f"    tight: free {1e3 * close.free:.1f}, all twelve {1e3 * close.every:.1f} ms, "
+        text += f"{close.sets} sets"
+        lines.append(text + (f" | area {row.checks.tight}" if row.checks else ""))
     if row.refused:
         lines.append(f"    not timed against the peer: {row.refused}")
     if row.note:

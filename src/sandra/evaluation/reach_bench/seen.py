@@ -35,19 +35,21 @@ class Seen:
     """What trajectories showed.
 
     Attributes:
-        ratio: our area over that which the peer covers or trajectories visit, the largest over the
-            steps at which the peer's is at least `LARGE`; 1.0 where there is none.
-        lost_by_us, lost_by_peer: shares of positions, over all steps, that are in no base set.
+        ratios: of each of our sets, its area over that which the peer covers or trajectories visit,
+            the largest over the steps at which the peer's is at least `LARGE`; 1.0 where there is
+            none.
+        lost_by_us, lost_by_peer: shares of positions, over all steps, that are in no base set; the
+            largest of our sets.
     """
 
-    ratio: float
+    ratios: tuple[float, ...]
     lost_by_us: float
     lost_by_peer: float
 
 
 def seen(
     base: Ground,
-    found: ReachableSet,
+    sets: Sequence[ReachableSet],
     peers: Sequence[Sequence[Rectangle]],
     areas: Sequence[float],
     seed: int = 0,
@@ -55,32 +57,42 @@ def seen(
     """Drive trajectories that avoid the forbidden cells of `base`, and see where they are.
 
     Args:
-        found: our free set.
+        sets: our free sets on these cells.
         peers: for each step rectangles (s_low, s_high, d_low, d_high) of the peer's, in our frame.
         areas: of their unions [m^2].
     """
     rng = np.random.default_rng(seed)
     states = _start(base, rng)
-    ratios, asked, missing = [1.0], 0, np.zeros(2)
+    ratios: list[list[float]] = [[] for _ in sets]
+    asked, missing, missing_peer = 0, np.zeros(len(sets)), 0
     cell = base.lattice.ds * base.lattice.dd / FINE**2
     for k in range(base.horizon + 1):
         states = states[_free(base, states, k)]
         if not len(states):
             break
-        ours = [b.rectangle for b in found.steps[k]] if k < len(found.steps) else []
         lost = ~_inside(peers[k], states)
         asked += len(states)
-        missing += [(~_inside(ours, states)).sum(), lost.sum()]
+        missing += [(~_inside(_rectangles(each, k), states)).sum() for each in sets]
+        missing_peer += int(lost.sum())
         if areas[k] >= LARGE:
             # Only trajectories outside of the peer's set count, in cells whose centres are as well.
             visited = np.zeros(np.array(base.off_road.shape) * FINE, dtype=np.bool_)
             visited[_cells(base, states[lost], FINE)] = True
-            extra = visited & _painted(base, ours) & ~_painted(base, peers[k])
-            ratios.append(found.area(k) / (areas[k] + float(extra.sum()) * cell))
+            visited &= ~_painted(base, peers[k])
+            for each, of_set in zip(sets, ratios, strict=True):
+                extra = visited & _painted(base, _rectangles(each, k))
+                of_set.append(each.area(k) / (areas[k] + float(extra.sum()) * cell))
         if k < base.horizon:
             states = _advanced(base, _outermost(base, states, rng), rng)
-    # The first is there for want of others.
-    return Seen(max(ratios[1:] or ratios), *(float(x) / max(asked, 1) for x in missing))
+    return Seen(
+        tuple(max(of_set, default=1.0) for of_set in ratios),
+        float(missing.max()) / max(asked, 1),
+        missing_peer / max(asked, 1),
+    )
+
+
+def _rectangles(found: ReachableSet, k: int) -> list[Rectangle]:
+    return [b.rectangle for b in found.steps[k]] if k < len(found.steps) else []
 
 
 def _start(base: Ground, rng: np.random.Generator) -> Array:

@@ -52,7 +52,7 @@ struct Lattice {
         const int i1 = within(std::floor((s_high - s0) / ds + 1e-6) + 1, columns);
         const int j0 = within(std::floor((d_low - d0) / dd - 1e-6), rows);
         const int j1 = within(std::floor((d_high - d0) / dd + 1e-6) + 1, rows);
-        return {std::max(i0, 0), std::min(i1, columns), std::max(j0, 0), std::min(j1, rows)};
+        return {std::max(i0, 0), std::clamp(i1, 0, columns), std::max(j0, 0), std::clamp(j1, 0, rows)};
     }
 };
 

@@ -50,6 +50,7 @@ struct Problem {
     int horizon;
     std::vector<Point> lon, lat;
     Range a_lat, v_lon, v_lat;
+    bool tight;
     const Field *field;
     std::vector<Task> tasks;
 };
@@ -127,13 +128,12 @@ class Kernel {
         Polygon lat_of, lat_cut;
         for (std::size_t i = 0; i < before.size(); ++i) {
             const BaseSet &b = before[i];
-            Polygon lon = propagate(b.lon, b.inputs.low, b.inputs.high, problem_.dt, arena_, scratch_);
-            lon = cut_y(lon, problem_.v_lon.low, problem_.v_lon.high, arena_);
+            const Polygon lon = propagate(b.lon, b.inputs.low, b.inputs.high, problem_.dt, problem_.v_lon,
+                                          problem_.tight, arena_, scratch_);
             if (lat_of.points != b.lat.points || lat_of.size != b.lat.size) {  // often shared
                 lat_of = b.lat;
                 lat_cut = propagate(b.lat, problem_.a_lat.low, problem_.a_lat.high, problem_.dt,
-                                    arena_, scratch_);
-                lat_cut = cut_y(lat_cut, problem_.v_lat.low, problem_.v_lat.high, arena_);
+                                    problem_.v_lat, problem_.tight, arena_, scratch_);
             }
             offer(lon, lat_cut, b.label, last ? b.inputs : Range{-INF, INF}, static_cast<int>(i));
         }
@@ -188,8 +188,14 @@ class Kernel {
             contested_[offset + w] |= window_[w];
             window_[w] &= ~forbidden[offset + w];
         }
-        tolerance_ = std::min(COVER_TOLERANCE, (all.i1 - all.i0) / EXACT_BELOW);
-        boxes(all.j0, all.j1);
+        if (problem_.tight) {
+            columns(all);
+            tolerance_ = 0;
+            boxes(all.i0, all.i1, false, [&](int i) { runs_ = columns_[static_cast<std::size_t>(i - all.i0)]; });
+        } else {
+            tolerance_ = std::min(COVER_TOLERANCE, (all.i1 - all.i0) / EXACT_BELOW);
+            boxes(all.j0, all.j1, true, [&](int j) { runs(row(all, j)); });
+        }
         for (const Box &box : boxes_) join(box);
     }
 
@@ -202,23 +208,49 @@ class Kernel {
         }
     }
 
-    // The window as boxes: neighbouring rows with like runs become one.
-    void boxes(int j0, int j1) {
+    const std::uint64_t *row(const Box &all, int j) const {
+        return &window_[field_.words * static_cast<std::size_t>(j - all.j0)];
+    }
+
+    // The runs of cells across the lane in each column of the window, into columns_.
+    void columns(const Box &all) {
+        const auto count = static_cast<std::size_t>(all.i1 - all.i0);
+        if (columns_.size() < count) columns_.resize(count);
+        for (std::size_t i = 0; i < count; ++i) columns_[i].clear();
+        // Where a row differs from the one before, runs begin or end.
+        for (int j = all.j0; j <= all.j1; ++j) {
+            for (std::size_t w = 0; w < field_.words; ++w) {
+                const std::uint64_t now = j < all.j1 ? row(all, j)[w] : 0;
+                std::uint64_t change = now ^ (j > all.j0 ? row(all, j - 1)[w] : 0);
+                for (; change; change &= change - 1) {
+                    const int bit = std::countr_zero(change);
+                    const int i = static_cast<int>(w) * 64 + bit;
+                    Row &column = columns_[static_cast<std::size_t>(i - all.i0)];
+                    if (now >> bit & 1) column.emplace_back(j, all.j1);
+                    else column.back().second = j;
+                }
+            }
+        }
+    }
+
+    // The window as boxes: neighbouring lines of cells with like runs become one.
+    template <typename Read>
+    void boxes(int first, int last, bool along_s, Read &&read) {
         boxes_.clear();
-        std::size_t band = 0;  // rows in the band
+        std::size_t band = 0;  // lines in the band
         int start = 0;
         auto close = [&](int end) {
             if (!band) return;
             for (const auto &[low, high] : merged_) {
-                if (low < high) boxes_.push_back({low, high, start, end});
+                if (low < high) boxes_.push_back(along_s ? Box{low, high, start, end} : Box{start, end, low, high});
             }
             band = 0;
         };
-        for (int j = j0; j < j1; ++j) {
-            runs(&window_[field_.words * static_cast<std::size_t>(j - j0)]);
+        for (int line = first; line < last; ++line) {
+            read(line);
             if (!(band && like(first_) && like(last_))) {
-                close(j);
-                start = j;
+                close(line);
+                start = line;
                 first_ = merged_ = runs_;
             } else {
                 for (std::size_t r = 0; r < runs_.size(); ++r) {
@@ -229,7 +261,7 @@ class Kernel {
             last_ = runs_;
             band = runs_.empty() ? 0 : band + 1;
         }
-        close(j1);
+        close(last);
     }
 
     bool like(const Row &other) const {
@@ -400,6 +432,7 @@ class Kernel {
     std::vector<std::uint64_t> contested_, window_;
     std::vector<Box> boxes_;
     Row runs_, first_, last_, merged_;
+    std::vector<Row> columns_;
     int tolerance_ = 0;
     using Parts = std::vector<std::pair<Polygon, Polygon>>;
     Parts inside_, parts_now_, parts_all_, parts_here_, remaining_;

@@ -225,7 +225,7 @@ void check(const Problem &problem) {
 using TaskIn = std::pair<const Moves *, std::vector<const Answer *>>;
 
 std::unique_ptr<Sets> reachable_sets(double dt, int horizon, const Points &lon, const Points &lat,
-                                     Pair a_lat, Pair v_lon, Pair v_lat, const Field &field,
+                                     Pair a_lat, Pair v_lon, Pair v_lat, bool tight, const Field &field,
                                      const std::vector<TaskIn> &tasks) {
     Problem problem{dt,
                     horizon,
@@ -234,6 +234,7 @@ std::unique_ptr<Sets> reachable_sets(double dt, int horizon, const Points &lon, 
                     {a_lat.first, a_lat.second},
                     {v_lon.first, v_lon.second},
                     {v_lat.first, v_lat.second},
+                    tight,
                     &field,
                     {}};
     bool python = false;

@@ -366,9 +366,9 @@ inline void swept(const std::vector<Point> &ring, double x, double y, std::vecto
     run(last(right), first(left), x, y, true);
 }
 
-// Every (x, v) that a double integrator reaches after dt with inputs in [low, high].
-inline Polygon propagate(const Polygon &polygon, double low, double high, double dt, Arena &arena,
-                         Scratch &scratch) {
+// Every (x, v) with v in `speeds` that a double integrator reaches after dt with inputs in [low, high].
+inline Polygon propagate(const Polygon &polygon, double low, double high, double dt, const Range &speeds,
+                         bool tight, Arena &arena, Scratch &scratch) {
     const double x0 = low * dt * dt / 2, v0 = low * dt;
     const double half = (high - low) * dt / 2;
     scratch.first.clear();
@@ -376,8 +376,22 @@ inline Polygon propagate(const Polygon &polygon, double low, double high, double
         const Point &p = polygon[i];
         scratch.first.push_back({p.x + p.y * dt + x0, p.y + v0});
     }
-    swept(scratch.first, half * dt, half, scratch.second, scratch);
-    swept(scratch.second, 0.0, half, scratch.first, scratch);
+    auto sweep = [&](double x, double v) {
+        swept(scratch.first, x, v, scratch.second, scratch);
+        scratch.first.swap(scratch.second);
+    };
+    if (tight) {
+        sweep(half * dt / 2, half / 2);
+        sweep(half * dt / 2, half);
+        sweep(0.0, half / 2);
+    } else {
+        sweep(half * dt, half);
+        sweep(0.0, half);
+    }
+    const Polygon whole{scratch.first.data(), scratch.first.size()};
+    const Polygon kept = cut_y(whole, speeds.low, speeds.high, arena);
+    if (kept.empty()) return kept;
+    if (kept.points != whole.points) scratch.first.assign(kept.points, kept.points + kept.size);
     limit_corners(scratch.first, scratch.extensions);
     return arena.keep(scratch.first.data(), scratch.first.size());
 }
