@@ -20,7 +20,7 @@ import sandra
 from sandra.cli import main
 from sandra.decider import Decider
 from sandra.decision import MODES
-from sandra.describe import Prompt, describe, narrow
+from sandra.describe import Prompt, PromptOptions, describe, narrow
 from sandra.rankers import CHOICES, Failure, Ranker, Ranking, ask, create
 from straight_road import Road
 
@@ -168,6 +168,21 @@ def test_distinct_feasible_pairs_at_most_k_or_a_named_failure(make: Maker, name:
         keeps_to(ranking, prompt, made)
         if prompt is one_pair and made.backend.answers:
             assert ranking.pairs == (pair,)
+
+
+@every_model
+def test_a_picture_is_looked_at_or_said_not_to_be(make: Maker, name: str) -> None:
+    """This server's model has no eyes, which it says; those in this process are shown nothing."""
+    made = make(name)
+    seeing = describe(SCENE, options=PromptOptions(picture="ego"))
+    assert seeing.picture is not None
+    ranking = made.ranker.rank(seeing, 30.0)
+    looks = getattr(made.ranker, "takes_pictures", False)
+    assert looks == made.backend.served
+    if looks:
+        assert ranking.failure is not None
+    else:
+        keeps_to(ranking, seeing, made)
 
 
 @every_model

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from sandra.rankers.client import Problem
-from sandra.rankers.endpoint import Question
+from sandra.rankers.endpoint import Content, Question
 from sandra.rankers.types import Failure
 
 MOST_TOKENS = 1024
@@ -16,9 +16,15 @@ BUSY = Problem(Failure.TIMEOUT, "the model was busy with an earlier question")
 
 
 def messages_of(question: Question) -> list[dict[str, str]]:
-    """System text and turns, as chat templates take them."""
-    turns = [{"role": role, "content": text} for role, text in question.turns]
+    """System text and turns, as chat templates take them; of a content its text alone."""
+    turns = [{"role": role, "content": _text(content)} for role, content in question.turns]
     return [{"role": "system", "content": question.system}, *turns]
+
+
+def _text(content: Content) -> str:
+    if isinstance(content, str):
+        return content
+    return "\n".join(part["text"] for part in content if part["type"] == "text")
 
 
 def schema_of(question: Question) -> dict[str, Any] | None:
