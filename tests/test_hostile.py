@@ -120,10 +120,14 @@ def test_pairs_are_verified_while_the_others_are_waited_for(
     options = {"base_url": server.url("stalls-within-the-ranking"), "deadline": deadline}
     options |= {"prediction": "set-based", "rules": ["R_G1", "R_G2", "R_G3"], "mode": mode}
     loaded = sandra.load(sandra.example(scene))
+    stages: list[tuple[str, float]] = []
+    options["progress"] = lambda stage: stages.append((stage, time.monotonic()))
     decider = sandra.Decider("openai:m", None, **options)
+    begin = time.monotonic()
     with Watch(deadline) as watch:
         decision = decider.decide(loaded)
     watch.check(True)
+    assert ("verify", True) in [(stage, at < begin + deadline) for stage, at in stages]
     assert decision.ranking.failure is Failure.TIMEOUT
     assert [v.pair for v in decision.verdicts] == PAIRS[:2]
 

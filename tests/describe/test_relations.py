@@ -96,3 +96,14 @@ def test_inside() -> None:
     assert inside(square, np.array([1.0, 1.0]))
     assert not inside(square, np.array([3.0, 1.0]))
     assert not inside(square, np.array([1.0, 3.0]))
+
+
+def test_who_is_not_there_yet_is_not_told() -> None:
+    road = Road()
+    later = np.full((3, 5), np.nan)
+    later[2] = [20.0, 0.0, 0.0, 5.0, 0.0]
+    there = np.tile([40.0, 0.0, 0.0, 5.0, 0.0], (3, 1))
+    scene = road.scene(
+        road.obstacle(1, 20.0, 0.0, states=later), road.obstacle(2, 40.0, 0.0, states=there)
+    )
+    assert [facts.id for facts in obstacle_facts(scene)] == [2]

@@ -83,22 +83,19 @@ def next_light(lights: Iterable[TrafficLight]) -> TrafficLight | None:
 
 def obstacle_facts(scene: Scene) -> tuple[ObstacleFacts, ...]:
     """The facts of every obstacle that is there now, in the order of the scene."""
-    present = [
-        o
-        for o in scene.obstacles
-        if all(map(math.isfinite, (o.state.x, o.state.y, o.state.heading)))
-    ]
-    present = _without_copies(present)
-    if not present:
+    obstacles = _without_copies(present(scene))
+    if not obstacles:
         return ()
-    points = np.array([[o.state.x, o.state.y] for o in present])
+    points = np.array([[o.state.x, o.state.y] for o in obstacles])
     positions = scene.frame.to_curvilinear(points)
     lane_headings = scene.frame.heading(positions[:, 0])
     s, d, heading, _ = scene.ego_curvilinear
     ego = Box.around(scene.ego.outline, s, d, heading, scene.ego.state.speed)
     return tuple(
         _facts(scene, obstacle, ego, float(position[0]), float(position[1]), float(lane_heading))
-        for obstacle, position, lane_heading in zip(present, positions, lane_headings, strict=True)
+        for obstacle, position, lane_heading in zip(
+            obstacles, positions, lane_headings, strict=True
+        )
     )
 
 

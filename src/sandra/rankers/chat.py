@@ -57,11 +57,11 @@ class ChatRanker:
         if not 0.0 < deadline < float("inf"):
             raise RankerError(f"openai: deadline = {deadline} must be a finite number > 0 [s]")
         self.name = name or f"openai:{model}"
-        self.takes_pictures = True
         self.deadline = deadline
         options = {"temperature": temperature, "seed": seed}
         given = {name: value for name, value in options.items() if value is not None}
         self._endpoint: Asks = endpoint or Endpoint(model, base_url, given)
+        self.takes_pictures = bool(getattr(self._endpoint, "takes_pictures", True))
 
     def rank(self, prompt: Prompt, deadline: float | None = None) -> Ranking:
         """Ask the model; see `Ranker`. Returns within the deadline (default: `self.deadline`).

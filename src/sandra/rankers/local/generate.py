@@ -36,6 +36,8 @@ class Generating:
         seed: of the draw where the temperature is greater than 0.
     """
 
+    takes_pictures = False
+
     def __init__(self, folder: Folder, temperature: float = 0.0, seed: int = 0) -> None:
         self._folder, self._temperature, self._seed = folder, temperature, seed
         self._guide = package("llguidance").LLMatcher

@@ -98,6 +98,8 @@ class LlamaCpp:
 class Asking:
     """A loaded model, with the sampling parameters of one ranker (`Asks`)."""
 
+    takes_pictures = False
+
     def __init__(self, model: LlamaCpp, sampling: dict[str, Any]) -> None:
         self._model, self._sampling = model, sampling
 

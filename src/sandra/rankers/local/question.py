@@ -16,12 +16,13 @@ BUSY = Problem(Failure.TIMEOUT, "the model was busy with an earlier question")
 
 
 def messages_of(question: Question) -> list[dict[str, str]]:
-    """System text and turns, as chat templates take them; of a content its text alone."""
-    turns = [{"role": role, "content": _text(content)} for role, content in question.turns]
+    """System text and turns, as chat templates take them; the models here look at no pictures."""
+    turns = [{"role": role, "content": text_of(content)} for role, content in question.turns]
     return [{"role": "system", "content": question.system}, *turns]
 
 
-def _text(content: Content) -> str:
+def text_of(content: Content) -> str:
+    """A turn without its picture."""
     if isinstance(content, str):
         return content
     return "\n".join(part["text"] for part in content if part["type"] == "text")

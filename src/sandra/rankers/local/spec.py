@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 from sandra.rankers.chat import ChatRanker
-from sandra.rankers.endpoint import Asks
 from sandra.rankers.local.folder import folder
 from sandra.rankers.local.generate import Generating
 from sandra.rankers.local.llama import llama
@@ -51,7 +50,8 @@ def local_ranker(
     given: dict[str, Any] = {k: v for k, v in sampling.items() if v is not None}
     given |= {key: options.pop(key) for key in ("temperature", "seed") if key in options}
     if kind == "gguf":
-        return _writing(name, llama(path, **options).asking(given), deadline)
+        endpoint = llama(path, **options).asking(given)
+        return ChatRanker(path, deadline=deadline, endpoint=endpoint, name=name)
     mode, calibrate = options.pop("mode", "generate"), options.pop("calibrate", None)
     where, adapter = _folders(path)
     model = folder(where, adapter, **options)
@@ -59,14 +59,7 @@ def local_ranker(
         # An adapter was trained for this task: it is taken at its word.
         usual = "neutral" if adapter is None else "length"
         return ScoreRanker(name, model, deadline, calibrate or usual)
-    return _writing(name, Generating(model, **given), deadline)
-
-
-def _writing(name: str, model: Asks, deadline: float) -> ChatRanker:
-    """A ranker whose model writes its answer. It is shown no picture."""
-    ranker = ChatRanker(name, deadline=deadline, endpoint=model, name=name)
-    ranker.takes_pictures = False
-    return ranker
+    return ChatRanker(path, deadline=deadline, endpoint=Generating(model, **given), name=name)
 
 
 def _folders(text: str) -> tuple[Path, Path | None]:
