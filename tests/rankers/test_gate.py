@@ -212,11 +212,13 @@ NOW = "Wed, 21 Oct 2026 07:28:00 GMT"
         ("Wed, 21 Oct 2026 07:28:30 -0000", NOW, 30.0),
         ("Fri, 23 Oct 2026 07:28:30 GMT", NOW, 3600.0),
         ("Wed, 99 Oct 2026 07:28:30 GMT", NOW, None),
-        (formatdate(time.time() + 7200.0, usegmt=True), None, 3600.0),
+        ("in two hours", None, 3600.0),
     ],
 )
 def test_how_long_a_server_wants_to_be_left_alone(
     text: str | None, now: str | None, seconds: float | None
 ) -> None:
     """Dates are held against the server's own clock, where it tells it."""
+    if text == "in two hours":
+        text = formatdate(time.time() + 7200.0, usegmt=True)
     assert _pause(text, now) == seconds
