@@ -192,6 +192,10 @@ def test_parameters_that_must_be_there() -> None:
         else:
             assert getattr(_settings(less), name) == getattr(Settings(), name)
     assert _settings({**written, "t_d": 0.75, "horizon": 12}) == Settings(t_d=0.75, horizon=12)
+    assert _settings({**written, "precision": "tight"}) == Settings(precision="tight")
+    for wrong, said in ((1.0, "is no text"), ("exact", "choose quick or tight")):
+        with pytest.raises(CertificateError, match=said):
+            _settings({**written, "precision": wrong})
     assumed = {**written["assumptions"], "max_speed": 30}
     loose = _settings({**written, "assumptions": assumed})
     assert loose.assumptions == Assumptions(max_speed=30)

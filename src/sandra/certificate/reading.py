@@ -23,7 +23,7 @@ from sandra.certificate.types import (
     Participant,
     Pavement,
 )
-from sandra.certificate.writing import PARAMETERS, Json, names_of
+from sandra.certificate.writing import PARAMETERS, WORDS, Json, names_of
 from sandra.errors import ActionError, CertificateError, SettingsError
 from sandra.planning.types import Trajectory
 from sandra.scene.types import Region
@@ -268,7 +268,8 @@ def _trajectory(value: Json) -> Trajectory:
 def _settings(value: Json) -> Settings:
     names = set(PARAMETERS)
     at = _Place(value, "settings", {*names, "assumptions"}, frozenset(names - set(NEEDED)))
-    given = {name: at.read(name, _parameter) for name in PARAMETERS if name in at.tree}
+    kinds = {name: _text if name in WORDS else _parameter for name in PARAMETERS}
+    given = {name: at.read(name, kind) for name, kind in kinds.items() if name in at.tree}
     return _made(Settings, {**given, "assumptions": at.read("assumptions", _assumptions)})
 
 

@@ -28,6 +28,8 @@ def names_of(kind: type) -> tuple[str, ...]:
 
 PARAMETERS = tuple(name for name in names_of(Settings) if name != "assumptions")
 """Parameters by name, all but the assumptions."""
+WORDS = ("precision",)
+"""Those that are words, not numbers."""
 
 
 def to_json(c: Certificate) -> dict[str, Json]:
@@ -84,7 +86,7 @@ def _without_nan(values: Json) -> Json:
     return None if math.isnan(values) else values
 
 
-def _of_number(value: float | bool) -> Json:
+def _of_number(value: float | bool | str) -> Json:
     return "inf" if value == math.inf else value
 
 
