@@ -117,10 +117,15 @@ def _open_loop(arguments: argparse.Namespace) -> int:
         written += _draw(found, out)
     if arguments.json:
         told = found.report.to_dict() | {"errors": len(found.errors)}
+        told["without_verified_pair"] = [
+            {"horizon": int(h), "because": why, "scenarios": int(n)}
+            for h, why, n in found.nothing_verified().rows
+        ]
         print_json({**told, "files": [str(file) for file in written]})
     else:
-        for sheet in found.report.sheets().values():
-            print(sheet.text(arguments.format))
+        for sheet in (*found.report.sheets().values(), found.nothing_verified()):
+            if sheet.rows:
+                print(sheet.text(arguments.format))
         print("written: " + ", ".join(map(str, written)), file=sys.stderr)
     return 1 if found.errors else 0
 

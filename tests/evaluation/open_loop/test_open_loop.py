@@ -93,6 +93,16 @@ def test_nobody_is_safer_than_what_is_verified_first(found: OpenLoop) -> None:
             assert rate.hits <= some
 
 
+def test_where_nothing_is_verified_it_is_said_why(found: OpenLoop) -> None:
+    rows = [row for row in found.rows[RULES.name] if not row["error"]]
+    for row in rows:
+        assert (row["nothing_verified"] is None) == bool(row["verified"])
+    told = {row["nothing_verified"] for row in rows if not row["verified"]}
+    assert any("exceeds v_max = 30 m/s" in why for why in told)
+    counted = found.nothing_verified().rows
+    assert sum(int(n) for *_, n in counted) == sum(not row["verified"] for row in rows) > 0
+
+
 def test_what_was_driven_is_not_told(found: OpenLoop) -> None:
     row = found.rows[RULES.name][3]
     scene = Tracks(row["file"]).scene(row["ego_id"], row["step"])
@@ -163,6 +173,10 @@ def test_the_grid_and_its_ablations() -> None:
         grid(["rules"], horizons=[10, 0])
     with pytest.raises(SettingsError, match="accept = 'maybe'"):
         Conditions(accept="maybe")
+    with pytest.raises(SettingsError, match="deadline = 0"):
+        Conditions(deadline=0.0)
+    with pytest.raises(SettingsError, match="k = 0"):
+        Conditions(k=0)
     with pytest.raises(SettingsError, match="unknown prediction 'none'"):
         Conditions(prediction="none")
 

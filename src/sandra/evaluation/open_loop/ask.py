@@ -9,7 +9,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from sandra.actions import ALL_PAIRS, ActionPair
+from sandra.actions import ALL_PAIRS, ActionPair, Lateral, Longitudinal
 from sandra.certify import Basis, certify
 from sandra.describe import describe
 from sandra.errors import SandraError
@@ -19,8 +19,10 @@ from sandra.evaluation.open_loop.setups import TOLD_RULES, Conditions, Setup
 from sandra.learn import label
 from sandra.prediction import predict
 from sandra.rankers import Ranker, create
-from sandra.reach import Ground, Status, Verdict, ground, verify_on
+from sandra.reach import Ground, Status, Verdict, explained, ground, verify_on
 from sandra.scene.types import Scene
+
+MILDEST = ActionPair(Longitudinal.DECELERATE, Lateral.FOLLOW_LANE)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,6 +34,8 @@ class Judged:
     verified: frozenset[ActionPair]
     predict_s: float
     exhaustive_s: float
+    because: str | None = None
+    """Where nothing is verified: what is wrong with decelerate, follow-lane."""
 
 
 def rows_of(
@@ -97,7 +101,11 @@ def judge(scene: Scene, horizon: int, conditions: Conditions) -> Judged:
     done = time.perf_counter()
     status = {verdict.pair: verdict.status for verdict in verdicts}
     verified = frozenset(pair for pair, found in status.items() if found is enough)
-    return Judged(base, status, verified, ready - begin, done - ready)
+    because = None
+    if not verified:
+        mildest = next(verdict for verdict in verdicts if verdict.pair == MILDEST)
+        because = explained(base, mildest).reason
+    return Judged(base, status, verified, ready - begin, done - ready, because)
 
 
 def _asked(scene: Scene, setup: Setup, conditions: Conditions, judged: Judged) -> dict[str, Any]:
@@ -126,6 +134,7 @@ def _asked(scene: Scene, setup: Setup, conditions: Conditions, judged: Judged) -
         "answer": ranking.answer,
         "verdicts": {str(pair): status.value for pair, status in judged.status.items()},
         "verified": [str(pair) for pair in ALL_PAIRS if pair in judged.verified],
+        "nothing_verified": judged.because,
         "rank_s": ranked - begin,
         "predict_s": judged.predict_s,
         "verify_s": verified - ranked,
@@ -161,6 +170,7 @@ def _empty(path: Path, setup: Setup, choice: Choice, error: str | None) -> dict[
         "failure": None,
         "verdicts": {},
         "verified": [],
+        "nothing_verified": None,
         "error": error,
     }
 

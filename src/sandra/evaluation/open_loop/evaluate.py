@@ -5,6 +5,8 @@ from __future__ import annotations
 import csv
 import io
 import json
+import re
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass
@@ -13,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from sandra.actions import ALL_PAIRS, ActionPair
+from sandra.evaluation.closed_loop.sheet import Sheet
 from sandra.evaluation.journal import Journal
 from sandra.evaluation.labelling.batch import Choice, fingerprint
 from sandra.evaluation.labelling.summary import UNKNOWN
@@ -52,6 +55,20 @@ class OpenLoop:
             | {x.run: known[x.run] for x in self.report.baselines[:1]}
             for factor, setups in varied.items()
         }
+
+    def nothing_verified(self) -> Sheet:
+        """Why in some scenarios no pair is verified, so that no ranking could be safe there."""
+        counts = Counter(
+            (row["horizon"], _without_numbers(row["nothing_verified"]))
+            for setup in {s.horizon: s for s in self.setups}.values()
+            for row in self.rows[setup.name]
+            if row["nothing_verified"] is not None
+        )
+        return Sheet(
+            "Scenarios without any verified pair, by what is wrong with decelerate, follow-lane.",
+            ("horizon", "because", "scenarios"),
+            tuple((str(h), why, str(n)) for (h, why), n in counts.most_common()),
+        )
 
     def jsonl(self) -> str:
         """All rows as JSON lines, prompts and answers included."""
@@ -160,6 +177,10 @@ def case_of(row: Row) -> Case:
 def _scenario(row: Row) -> str:
     """The file, and who is the ego from which step on."""
     return f"{row['file']}:{row['ego_id']}:{row['step']}"
+
+
+def _without_numbers(reason: str) -> str:
+    return re.sub(r"\d+(\.\d+)?", "#", reason)
 
 
 def _verdicts(row: Row) -> dict[ActionPair, bool]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -59,6 +60,9 @@ class Conditions:
             )
         if self.accept not in ACCEPT:
             raise SettingsError(f"accept = '{self.accept}': choose from {', '.join(ACCEPT)}")
+        if not 0.0 < self.deadline < math.inf:
+            raise SettingsError(f"deadline = {self.deadline} must be a number of seconds > 0")
+        self.settings.replace(k=self.k)  # Says so if it is no number of pairs.
 
     def to_dict(self) -> dict[str, Any]:
         """For the journal."""
