@@ -181,6 +181,14 @@ def test_the_grid_and_its_ablations() -> None:
         Conditions(prediction="none")
 
 
+def test_no_password_of_an_address_is_written() -> None:
+    told = Conditions(base_url="http://user:secret@host:80/v1?key=secret").to_dict()
+    assert told["server"] == "host:80/v1"
+    assert "secret" not in json.dumps(told)
+    with pytest.raises(SettingsError, match="is no address"):
+        Conditions(base_url="http://host:port/").to_dict()
+
+
 def test_the_command_line_and_back_through_rankings(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
