@@ -15,13 +15,13 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+from sandra.rankers.dilu import Car, Experience, HashedWords, LaneView, View
+from sandra.rankers.dilu.memory import dump
 from sandra.simulation import ACTIONS, Traffic, highway
-from sandra.simulation.dilu import Experience, HashedWords, View, view
-from sandra.simulation.dilu.memory import dump
-from sandra.simulation.dilu.scene import Car, LaneView
+from sandra.simulation.dilu import view
 from sandra.simulation.highway import SETTINGS
 
-TARGET = Path(__file__).parents[1] / "src/sandra/simulation/dilu/memory.json"
+TARGET = Path(__file__).parents[1] / "src/sandra/rankers/dilu/memory.json"
 SEEDS = range(100_001, 100_009)
 TRAFFIC: dict[int | str, Traffic] = {**SETTINGS, "light": SETTINGS[1].replace(density=1.0)}
 """The paper's settings, and one in which there is room to drive faster."""

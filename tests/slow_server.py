@@ -124,6 +124,10 @@ class Handler(BaseHTTPRequestHandler):
         self.send_header("content-type", "text/event-stream")
         self.send_header("connection", "close")
         self.end_headers()
+        if "response_format" not in request.body:
+            self.write("The road ahead is free.\n#### 1", pace.reason + pace.rank)
+            self.wfile.write(b"data: [DONE]\n\n")
+            return
         parts = list(request.schema["properties"]) if pace.structured else ["reasoning", "ranking"]
         written = ""
         for part in parts:

@@ -43,6 +43,7 @@ BACKENDS = (
     "openai:m",
     "ollama:m",
     "vllm:m",
+    "dilu:m",
     "rules",
     "random:3",
     "exhaustive",

@@ -81,6 +81,9 @@ ALL_PAIRS: tuple[ActionPair, ...] = tuple(
 )
 """All twelve pairs, in the order of the paper's Tab. II."""
 
+META_ACTIONS = ("LANE_LEFT", "IDLE", "LANE_RIGHT", "FASTER", "SLOWER")
+"""What highway-env's ego can be told, in the order of its action space; DiLu answers with these."""
+
 
 def parse_pairs(pairs: str | Iterable[str | ActionPair]) -> tuple[ActionPair, ...]:
     """`"all"`, one pair as text, or several pairs (text or `ActionPair`).

@@ -13,9 +13,9 @@ from dilu_server import ModelServer, embeddings, model_server
 from sandra.cli import main
 from sandra.errors import RankerError, SettingsError
 from sandra.rankers import Failure
+from sandra.rankers.dilu.loop import REPAIR, SYSTEM, number_in
 from sandra.simulation import Environment, highway
 from sandra.simulation.dilu import DiLu, EmbeddingEndpoint, Experience, HashedWords, located, view
-from sandra.simulation.dilu.driver import REPAIR, SYSTEM, number_in
 from sandra.simulation.policies import play, policy
 
 pytest.importorskip("highway_env")

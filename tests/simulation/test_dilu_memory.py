@@ -8,11 +8,11 @@ import pytest
 
 from sandra.errors import SettingsError
 from sandra.rankers.bounded import Deadline
+from sandra.rankers.dilu.loop import number_in
+from sandra.rankers.dilu.memory import dump
+from sandra.rankers.dilu.view import Car, LaneView
 from sandra.simulation import ACTIONS, highway
 from sandra.simulation.dilu import Experience, HashedWords, Memory, View, load, view
-from sandra.simulation.dilu.driver import number_in
-from sandra.simulation.dilu.memory import dump
-from sandra.simulation.dilu.scene import Car, LaneView
 
 pytest.importorskip("highway_env")
 

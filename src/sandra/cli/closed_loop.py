@@ -39,7 +39,7 @@ def add(actions: Any) -> None:
         action="append",
         default=[],
         metavar="NAME",
-        help="rows of one more ranker, such as openai:gpt-4o; may be repeated",
+        help="rows of one more ranker, such as openai:gpt-4o or dilu:gpt-4o; may be repeated",
     )
     parser.add_argument(
         "--driver",

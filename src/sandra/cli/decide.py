@@ -44,7 +44,8 @@ def add(commands: Any) -> None:
         metavar="NAME",
         help="rules (rule-based, no language model); a model on a server: openai:MODEL "
         "(openai:gpt-5-mini, or openai:gpt-5-mini#api=responses), ollama:MODEL (ollama:qwen3:4b), "
-        "vllm:MODEL (vllm:Qwen/Qwen3-4B); one in this process: gguf:FILE (gguf:model.gguf), "
+        "vllm:MODEL (vllm:Qwen/Qwen3-4B), dilu:MODEL (DiLu's loop, docs/dilu.md); "
+        "one in this process: gguf:FILE (gguf:model.gguf), "
         "hf:FOLDER[+ADAPTER] (hf:my-model+my-lora, or hf:my-model#mode=score); exhaustive, "
         "random:SEED (random:7), replay:FILE (replay:rankings.csv#run=ft), or MODULE:ATTRIBUTE "
         "of your own; to see what a bad one does: adversarial, always:PAIR "

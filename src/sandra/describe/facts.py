@@ -12,8 +12,9 @@ from sandra.describe.collision_time import Box, signed_gap, time_to_collision
 from sandra.describe.criticality import required_braking
 from sandra.describe.options import PromptOptions
 from sandra.describe.outside import in_words, one_line
-from sandra.describe.relations import VULNERABLE, follows_lanes, relation, touches
+from sandra.describe.relations import VULNERABLE, follows_lanes, inside, relation, touches
 from sandra.describe.types import ObstacleFacts, Situation
+from sandra.scene.network import neighbour
 from sandra.scene.types import Obstacle, Scene, TrafficLight
 
 AHEAD, BEHIND = 100.0, 50.0
@@ -71,7 +72,23 @@ def situation(
         past=past,
         lateral_offset=d,
         horizon=horizon,
+        lanes_left=max(lanes_beside(scene, "left"), int(scene.left is not None)),
+        lanes_right=max(lanes_beside(scene, "right"), int(scene.right is not None)),
     )
+
+
+def lanes_beside(scene: Scene, side: str) -> int:
+    """How many lanelets of the ego's direction lie side by side on one side of its own."""
+    network = {lanelet.id: lanelet for lanelet in scene.lanelets}
+    own = [network[i] for i in scene.current.lanelets if i in network]
+    point = np.array([scene.ego.state.x, scene.ego.state.y])
+    here = [lanelet for lanelet in own if inside(lanelet.outline, point)] or own
+    passed: list[int] = []
+    last = here[0] if here else None
+    while last is not None and last.id not in passed:
+        passed.append(last.id)
+        last = neighbour(network, last, side, same=True)
+    return max(len(passed) - 1, 0)
 
 
 def next_light(lights: Iterable[TrafficLight]) -> TrafficLight | None:

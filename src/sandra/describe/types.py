@@ -69,6 +69,10 @@ class Situation:
     """Of the ego's centre from the centre line of its lane [m]; > 0 to the left."""
     horizon: float = 2.5
     """Time for which a decision holds [s]."""
+    lanes_left: int = 0
+    """Lanes of the ego's direction to the left of its own, side by side with it."""
+    lanes_right: int = 0
+    """Likewise to the right."""
 
 
 VIEWS = ("ego", "north")

@@ -14,6 +14,7 @@ from sandra.errors import ActionError, RankerError
 from sandra.rankers import replay
 from sandra.rankers.adversarial import AdversarialRanker
 from sandra.rankers.chat import DEADLINE, ChatRanker
+from sandra.rankers.dilu.ranker import DiLuRanker, dilu_ranker
 from sandra.rankers.local.score import ScoreRanker
 from sandra.rankers.local.spec import LOCAL, local_ranker
 from sandra.rankers.misbehaving import AlwaysRanker, GarbageRanker, LateRanker
@@ -23,9 +24,9 @@ from sandra.rankers.simple import Answer, ExhaustiveRanker, PlugIn, RandomRanker
 from sandra.rankers.types import Ranker, Ranking
 
 CHOICES = (
-    "openai:MODEL, ollama:MODEL, vllm:MODEL, gguf:FILE, hf:FOLDER[+ADAPTER][#mode=score], rules, "
-    "random[:SEED], exhaustive, replay:FILE[#column=value], adversarial, always:PAIR, garbage, "
-    "late:SECONDS, or module:attribute of your own"
+    "openai:MODEL, ollama:MODEL, vllm:MODEL, gguf:FILE, hf:FOLDER[+ADAPTER][#mode=score], "
+    "dilu:MODEL, rules, random[:SEED], exhaustive, replay:FILE[#column=value], adversarial, "
+    "always:PAIR, garbage, late:SECONDS, or module:attribute of your own"
 )
 _PLAIN: dict[str, Callable[[], Ranker]] = {
     "rules": RulesRanker,
@@ -35,6 +36,7 @@ _PLAIN: dict[str, Callable[[], Ranker]] = {
 }
 _OWN = (
     ChatRanker,
+    DiLuRanker,
     ScoreRanker,
     RulesRanker,
     RandomRanker,
@@ -63,9 +65,10 @@ def create(
     Args:
         spec: one of `CHOICES`. `module:attribute` is imported: a class (made without arguments),
             an object with `rank(prompt, deadline)`, or a function of a prompt.
-        base_url: of an OpenAI-compatible server, for `openai:`, `ollama:` and `vllm:`.
+        base_url: of an OpenAI-compatible server, for `openai:`, `ollama:`, `vllm:`, `dilu:`.
         deadline: wall-clock time for one ranking [s], for models and for plug-ins.
-        temperature: for models that write; None: the server's own, 0 in this process.
+        temperature: for models that write; None: the server's own, 0 in this process and for
+            `dilu:`.
         seed: likewise (not sent if None), and for `random` without a seed of its own.
         cache: folder in which the answers of servers are kept; None keeps none.
         max_concurrent: requests to a server at once, over all processes of this user.
@@ -78,6 +81,16 @@ def create(
     if kind in SERVERS and colon:
         return server_ranker(
             kind,
+            rest,
+            base_url=base_url,
+            deadline=deadline,
+            cache=cache,
+            max_concurrent=max_concurrent,
+            temperature=temperature,
+            seed=seed,
+        )
+    if kind == "dilu" and colon:
+        return dilu_ranker(
             rest,
             base_url=base_url,
             deadline=deadline,

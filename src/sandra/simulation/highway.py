@@ -16,9 +16,10 @@ from typing import Any
 
 import numpy as np
 
+from sandra.actions import META_ACTIONS
 from sandra.errors import SettingsError
 
-ACTIONS = ("LANE_LEFT", "IDLE", "LANE_RIGHT", "FASTER", "SLOWER")
+ACTIONS = META_ACTIONS
 """The meta-actions of highway-env, in the order of its action space."""
 FAIL_SAFE = "FAIL_SAFE"
 """One meta-action more: SLOWER, in the profile `paper` with the authors' gain."""

@@ -56,6 +56,8 @@ class Backend:
     """With as many pairs as were asked for, none of them twice."""
     most: int | None = None
     """Pairs at most, where that is not the prompt's k."""
+    blind: bool = False
+    """Looks at no pictures, though its server may."""
 
 
 LLAMA = "#temperature=0"
@@ -73,6 +75,10 @@ BACKENDS = {
     "hf-score": Backend("hf:{tiny}/model#mode=score&device=cpu", thinks=True, exact=True),
     "hf-score-adapter": Backend(
         "hf:{tiny}/model+{tiny}/adapter#mode=score&device=cpu", thinks=True, exact=True
+    ),
+    # The tiny model never learned to end with a number: what comes is a named failure.
+    "dilu": Backend(
+        "dilu:tiny#shots=1", served=True, thinks=True, answers=False, most=1, blind=True
     ),
     "rules": Backend("rules"),
     "exhaustive": Backend("exhaustive", most=12),
@@ -182,7 +188,7 @@ def test_a_prompt_with_a_picture_is_answered_whether_it_is_looked_at_or_not(
         ONE_LANE, made.ranker, horizon=6, prompt_options=PromptOptions(picture="ego")
     )
     told = any("picture" in warning for warning in decision.ranking.warnings)
-    if made.backend.served:
+    if made.backend.served and not made.backend.blind:
         assert looks  # what the server makes of it is told as a failure, if it can make nothing
     else:
         assert not looks

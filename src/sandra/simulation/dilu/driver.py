@@ -1,61 +1,22 @@
-"""DiLu's decision loop: describe, recall, ask, read the answer, have it repaired if need be.
-
-After "DiLu: A Knowledge-Driven Approach to Autonomous Driving with Large Language Models" (Wen et
-al., ICLR 2024), Sec. "Reasoning" and "Memory", written anew from the paper. Its reflection, and
-with it the growth of the memory, is off, as in the comparison of the SanDRA paper.
-"""
+"""DiLu at the wheel: its decision loop as a driver without a verifier."""
 
 from __future__ import annotations
 
 import logging
-import re
-from dataclasses import dataclass
+from dataclasses import replace
 
 from sandra.describe.outside import one_line
 from sandra.errors import RankerError, SettingsError
-from sandra.rankers.bounded import Deadline, run_within
-from sandra.rankers.client import Problem
-from sandra.rankers.endpoint import Endpoint, Exchange, Question
+from sandra.rankers.dilu.embedding import Embedding, HashedWords
+from sandra.rankers.dilu.loop import DEADLINE, SHOTS, Choice, Loop
+from sandra.rankers.dilu.memory import Experience, Memory, load
+from sandra.rankers.endpoint import Endpoint
 from sandra.rankers.types import Failure
 from sandra.rankers.usage import Usage
-from sandra.simulation.dilu.embedding import Embedding, HashedWords
-from sandra.simulation.dilu.memory import Experience, Memory, load
 from sandra.simulation.dilu.scene import view
 from sandra.simulation.highway import ACTIONS, Environment
 
 logger = logging.getLogger(__name__)
-
-SYSTEM = """\
-You drive a car on a motorway. Again and again you are told where you are and who is around you,
-and you choose what to do next. You want to get ahead, but never at the price of a collision.
-Think step by step: is the car ahead coming near, and how soon; would a lane beside you give you
-more room, and is there room in it ahead and behind; only then choose.
-Give your reasons first. Put the number of the action that you choose, and nothing else, on a last
-line that begins with ####, such as
-#### 1"""
-REPAIR = """\
-You are given the end of somebody's thoughts about what to do on the road. Say which of these
-actions was meant: {actions}. Answer with its number alone."""
-TAIL = 2000
-"""So much of an answer's end is shown when it is to be repaired [characters]."""
-DEADLINE = 30.0
-"""For one decision, the repair included [s]."""
-_NUMBER = re.compile(r"\s*([0-9]+)\s*")
-
-
-@dataclass(frozen=True, slots=True)
-class Choice:
-    """One decision, and what came of the question."""
-
-    action: str
-    answer: str | None = None
-    """What the model said, as far as it was read."""
-    repaired: bool = False
-    """The number was read from the answer to a second question."""
-    failure: Failure | None = None
-    """Why there was no number; `action` then is the default."""
-    detail: str | None = None
-    recalled: tuple[Experience, ...] = ()
 
 
 class DiLu:
@@ -83,7 +44,7 @@ class DiLu:
         model: str,
         *,
         base_url: str | None = None,
-        shots: int = 3,
+        shots: int = SHOTS,
         hold: int = 1,
         deadline: float = DEADLINE,
         embedding: Embedding | None = None,
@@ -105,14 +66,15 @@ class DiLu:
         """Of the episode, one for each time that the model was asked."""
         self.usage = Usage()
         """What the episode has cost, without embeddings."""
-        self._endpoint = Endpoint(model, base_url, {"temperature": 0.0})
+        endpoint = Endpoint(model, base_url, {"temperature": 0.0})
+        self._loop = Loop(endpoint, self.name, self.memory, shots)
         self._step = 0
 
     def start(self, world: Environment) -> None:
         """Forget the episode before; what is in memory stays."""
         self.choices, self._step, self.usage = [], 0, Usage()
 
-    def action(self, world: Environment) -> str:
+    def action(self, world: Environment) -> str | None:
         """The meta-action of the next decision step.
 
         Raises:
@@ -138,64 +100,7 @@ class DiLu:
         return choice.action
 
     def decide(self, world: Environment) -> Choice:
-        """One decision; whatever goes wrong is a named failure. Returns by the deadline."""
-        deadline = Deadline(self.deadline)
-        seen = view(world)
-        recalled = self.memory.nearest(seen.situation(), self.shots, deadline)
-        if isinstance(recalled, Problem):
-            return Choice(self.default, failure=recalled.failure, detail=recalled.detail)
-        turns = [turn for e in recalled for turn in (("user", e.question), ("assistant", e.answer))]
-        answer = self._ask(Question(SYSTEM, (*turns, ("user", seen.text())), None), deadline)
-        if isinstance(answer, Problem):
-            return self._failed(answer, recalled)
-        number = number_in(answer)
-        if number is not None:
-            return Choice(ACTIONS[number], answer, recalled=recalled)
-        again = self._ask(_repair(answer), deadline)
-        if isinstance(again, Problem):
-            return self._failed(again, recalled, answer)
-        number = number_in(again)
-        if number is None:
-            problem = Problem(Failure.MALFORMED, "no number of an action, and none after repair")
-            return self._failed(problem, recalled, answer)
-        return Choice(ACTIONS[number], answer, repaired=True, recalled=recalled)
-
-    def _failed(
-        self, problem: Problem, recalled: tuple[Experience, ...], answer: str | None = None
-    ) -> Choice:
-        return Choice(self.default, answer, False, problem.failure, problem.detail, recalled)
-
-    def _ask(self, question: Question, deadline: Deadline) -> str | Problem:
-        """The text of the model's answer."""
-        exchange = Exchange()
-        outcome = run_within(
-            deadline.left, lambda: self._endpoint.ask(question, deadline, exchange), self.name
-        )
-        self.usage += exchange.usage
-        if outcome.error is not None:
-            return Problem(Failure.INTERNAL, outcome.error)
-        reply = outcome.value
-        if reply is None or deadline.passed:
-            return Problem(Failure.TIMEOUT, f"no decision within {self.deadline:g} s")
-        if isinstance(reply, Problem):
-            return reply
-        if reply.refusal or reply.finish == "content_filter":
-            return Problem(Failure.REFUSED, reply.refusal_text or "stopped by the filter")
-        if reply.failure is not None and not reply.text:
-            return Problem(reply.failure, reply.detail or "")
-        if not reply.text.strip():
-            return Problem(Failure.EMPTY, "the answer holds no text")
-        return reply.text
-
-
-def number_in(answer: str) -> int | None:
-    """The number of an action after the last `####` of an answer, or in all of it without one."""
-    match = _NUMBER.fullmatch(answer.rsplit("####", 1)[-1])
-    if match is None or len(match[1]) > 2 or int(match[1]) >= len(ACTIONS):
-        return None
-    return int(match[1])
-
-
-def _repair(answer: str) -> Question:
-    actions = ", ".join(f"{number} {action}" for number, action in enumerate(ACTIONS))
-    return Question(REPAIR.format(actions=actions), (("user", answer[-TAIL:]),), None)
+        """One decision; after any failure, whose name it tells, it is `default`."""
+        choice = self._loop.decide(view(world), self.deadline)
+        self.usage += choice.usage
+        return choice if choice.failure is None else replace(choice, action=self.default)

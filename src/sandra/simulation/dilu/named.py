@@ -6,9 +6,9 @@ import re
 from typing import Any
 
 from sandra.errors import SettingsError
+from sandra.rankers.dilu.embedding import embedding_of
+from sandra.rankers.dilu.memory import load
 from sandra.simulation.dilu.driver import DiLu
-from sandra.simulation.dilu.embedding import EmbeddingEndpoint
-from sandra.simulation.dilu.memory import load
 
 FORM = "dilu:MODEL[@URL][#OPTION=VALUE&...]"
 _NAME = re.compile(r"dilu:(?P<model>[^#]*?)(?:@(?P<url>https?://[^#]*))?(?:#(?P<options>.*))?")
@@ -35,11 +35,7 @@ def named(name: str) -> DiLu:
     if match is None:
         raise SettingsError(f"'{name}' is no such driver; write {FORM}")
     values = _options(match["options"] or "")
-    kind = values.pop("embedding", "words")
-    word, _, model = kind.partition(":")
-    if kind != "words" and word != "openai":
-        raise SettingsError(f"dilu: embedding = {kind} is unknown; write words or openai:MODEL")
-    embedding = None if kind == "words" else EmbeddingEndpoint(model, match["url"])
+    embedding = embedding_of(values.pop("embedding", "words"), match["url"])
     items = load(values.pop("memory")) if "memory" in values else None
     return DiLu(match["model"], base_url=match["url"], embedding=embedding, items=items, **values)
 

@@ -13,7 +13,7 @@ import numpy as np
 from sandra.errors import SettingsError
 from sandra.rankers.bounded import Deadline
 from sandra.rankers.client import Problem
-from sandra.simulation.dilu.embedding import Array, Embedding
+from sandra.rankers.dilu.embedding import Array, Embedding
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from sandra.errors import RankerError
+from sandra.errors import RankerError, SettingsError
 from sandra.rankers.bounded import Deadline, run_within
 from sandra.rankers.client import Problem, client_for, problem_of
 from sandra.rankers.types import Failure
@@ -108,6 +108,21 @@ class EmbeddingEndpoint:
         if vectors.ndim != 2 or len(vectors) != len(texts) or not np.isfinite(vectors).all():
             return Problem(Failure.MALFORMED, "not one vector of finite numbers for each text")
         return normalised(vectors)
+
+
+def embedding_of(text: str, base_url: str | None) -> Embedding:
+    """`words`, or `openai:MODEL` at a server.
+
+    Raises:
+        SettingsError: anything else.
+        RankerError: see `EmbeddingEndpoint`.
+    """
+    if text == "words":
+        return HashedWords()
+    word, _, model = text.partition(":")
+    if word != "openai":
+        raise SettingsError(f"dilu: embedding = {text} is unknown; write words or openai:MODEL")
+    return EmbeddingEndpoint(model, base_url)
 
 
 def normalised(vectors: Array) -> Array:
