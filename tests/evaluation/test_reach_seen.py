@@ -30,9 +30,9 @@ def test_nothing_is_outside_of_our_set(
     case: tuple[Ground, ReachableSet, Boxes, list[float]],
 ) -> None:
     base, found, boxes, areas = case
-    driven = seen(base, found, boxes, areas)
+    driven = seen(base, [found], boxes, areas)
     assert (driven.lost_by_us, driven.lost_by_peer) == (0.0, 0.0)
-    assert driven.ratio == pytest.approx(1.0)
+    assert driven.ratios == (pytest.approx(1.0),)
 
 
 def test_what_a_smaller_set_lacks_is_seen(
@@ -43,9 +43,9 @@ def test_what_a_smaller_set_lacks_is_seen(
     shorter = [[(a, b - (b - a) / 3, c, d) for a, b, c, d in step[:1]] for step in boxes]
     parts = [(b - a) * (d - c) for ((a, b, c, d),) in shorter]
     naive = max(x / y for x, y in zip(areas, parts, strict=True) if y >= 1.0)
-    driven = seen(base, found, shorter, parts)
+    driven = seen(base, [found], shorter, parts)
     assert driven.lost_by_peer > 0.05
-    assert 1.0 <= driven.ratio < 1.0 + 0.7 * (naive - 1.0)
+    assert 1.0 <= driven.ratios[0] < 1.0 + 0.7 * (naive - 1.0)
 
 
 def test_a_set_of_ours_that_lacks_something_is_refused(
@@ -53,7 +53,7 @@ def test_a_set_of_ours_that_lacks_something_is_refused(
 ) -> None:
     base, found, boxes, areas = case
     cut = replace(found, steps=found.steps[:12])
-    driven = seen(base, cut, boxes, areas)
+    driven = seen(base, [found, cut], boxes, areas)
     assert driven.lost_by_us > 0.1
     with pytest.raises(NotTheSame, match="our set lacks"):
         check_nothing_lost(driven.lost_by_us)
