@@ -130,7 +130,7 @@ def test_what_is_recorded_is_what_the_simulation_did(environment, tmp_path):
 
 @pytest.mark.parametrize("environment", ["highway", "intersection"])
 def test_a_step_tells_nothing_of_what_comes(environment):
-    """What is recorded up to a step does not depend on later ones, the acceleration least of all."""
+    """What is recorded up to a step does not depend on later ones: nor does the acceleration."""
     episode = Recipe(environments=(environment,), drivers=("idm",)).episode(0)
     short, long = play(episode, 4, 5), play(episode, 9, 5)
     rows = {o.id: o.states for o in long.scene.obstacles if o.states is not None}
