@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from sandra.errors import SandraError, SettingsError
+from sandra.evaluation.dataset.folder import INDEX, DataFolder
 from sandra.learn.episodes import DT, ENVIRONMENTS, SPLITS, Recipe, split_of
-from sandra.learn.folder import INDEX, DataFolder
 from sandra.learn.record import play
 from sandra.scene import load
 
@@ -85,7 +85,7 @@ def test_another_recipe_has_no_place_in_the_folder(tmp_path):
 
 
 def test_an_episode_that_breaks_is_counted_and_tried_again(tmp_path, monkeypatch):
-    from sandra.learn import folder as module
+    from sandra.evaluation.dataset import folder as module
 
     def breaks(episode, steps, warm_up):
         if episode.seed == 1:

@@ -72,8 +72,8 @@ def _add_record(actions: Any) -> None:
 
 
 def _record(arguments: argparse.Namespace) -> int:
+    from sandra.evaluation.dataset.folder import DataFolder
     from sandra.learn.episodes import Recipe
-    from sandra.learn.folder import DataFolder
 
     recipe = Recipe(
         environments=_list("environments", arguments.environments, str),

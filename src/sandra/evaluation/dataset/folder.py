@@ -19,8 +19,8 @@ from pathlib import Path
 from typing import Any
 
 from sandra.errors import SandraError, ScenarioError
+from sandra.evaluation.dataset.card import Card, write_card
 from sandra.evaluation.workers import Broken, in_order
-from sandra.learn.card import Card, write_card
 from sandra.learn.episodes import DT, SPLITS, Episode, Recipe
 from sandra.learn.record import play, save
 
