@@ -1,1 +1,5 @@
-"""Data to learn from: recorded traffic, prompts with labels, what trainers read of them."""
+"""Data to learn from: recorded traffic, what was driven as labels, prompts, what trainers read."""
+
+from sandra.learn.labels import LABELERS, Label, label
+
+__all__ = ["LABELERS", "Label", "label"]

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sandra.errors import ScenarioError
 from sandra.scene.file import Content, read
@@ -32,6 +33,8 @@ from sandra.scene.regulation import lights_ahead, own_limits, signs_ahead, speed
 from sandra.scene.road import road_type
 from sandra.scene.types import Ego, Lanelet, Obstacle, Region, Scene, State
 from sandra.settings import Settings
+
+Array = NDArray[np.float64]
 
 
 def load(
@@ -69,14 +72,46 @@ def _problem(content: Content, wanted: int | None, path: Path) -> Any:
 
 
 def _scene(content: Content, problem: Any, settings: Settings, path: Path) -> Scene:
-    scenario = content.scenario
     first = math.floor(number(problem.initial_state.time_step))
     state = _ego_state(content, problem)
-    recorded, obstacles = split_ego(_obstacles(content, first), state)
+    recorded, obstacles = split_ego(obstacles_from(content, first), state)
     ego = _ego(problem.planning_problem_id, state, recorded, content, settings)
+    network = network_of(content)
+    start = Start(
+        ego,
+        first,
+        obstacles,
+        None if recorded is None else recorded.states,
+        _goal_lanelets(problem, network),
+        _goal_region(problem),
+    )
+    return scene_from(content, network, start, path)
 
-    network = _lanelets(scenario.lanelet_network)
-    goals = _goal_lanelets(problem, network)
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Start:
+    """Whose decision problem it is, from which time step on, among whom, and where to.
+
+    `recorded` is what the ego did from `step` on, (n, 5) as in `Scene`, None where it is not known;
+    `goals` are the lanelets of the goal.
+    """
+
+    ego: Ego
+    step: int
+    obstacles: tuple[Obstacle, ...]
+    recorded: Array | None = None
+    goals: frozenset[int] = frozenset()
+    goal: Region | None = None
+
+
+def scene_from(content: Content, network: Network, start: Start, path: Path) -> Scene:
+    """The scene of a start.
+
+    Raises:
+        ScenarioError: the ego is off the road.
+    """
+    scenario, ego, goals = content.scenario, start.ego, start.goals
+    state = ego.state
     here = ego_lanelet(network, state.x, state.y, state.heading, goals)
     route = (route_to(network, here, goals) if goals else None) or (here,)
     lanes, meetings = lanes_around(network, here, route, state.speed)
@@ -89,7 +124,7 @@ def _scene(content: Content, problem: Any, settings: Settings, path: Path) -> Sc
         dt=float(scenario.dt),
         ego=ego,
         lanes=(*lanes, *(meeting.lane for meeting in meetings)),
-        obstacles=obstacles,
+        obstacles=start.obstacles,
         lanelets=tuple(network.values()),
         road_type=road_type(
             lanes,
@@ -104,11 +139,11 @@ def _scene(content: Content, problem: Any, settings: Settings, path: Path) -> Sc
         weather=content.facts.weather,
         time_of_day=content.facts.time_of_day,
         lights=lights_ahead(
-            scenario.lanelet_network, current, network, ego_s=s, front=front, step=first
+            scenario.lanelet_network, current, network, ego_s=s, front=front, step=start.step
         ),
         signs=signs_ahead(scenario.lanelet_network, current, network, here, front),
-        goal=_goal_region(problem),
-        recorded_ego=None if recorded is None else recorded.states,
+        goal=start.goal,
+        recorded_ego=start.recorded,
         source=path,
     )
 
@@ -167,7 +202,7 @@ def _ego(
     return Ego(id=id, state=state, length=size[0], width=size[1], wheelbase=wheelbase)
 
 
-def _obstacles(content: Content, first: int) -> tuple[Obstacle, ...]:
+def obstacles_from(content: Content, first: int) -> tuple[Obstacle, ...]:
     """All obstacles: dynamic, static, environment, phantom; each by ascending id."""
     scenario, initial = content.scenario, content.facts.initial
 
@@ -184,8 +219,13 @@ def _obstacles(content: Content, first: int) -> tuple[Obstacle, ...]:
     return tuple(o for o in (*dynamic, *static, *environment, *phantom) if o is not None)
 
 
-def _lanelets(network: Any) -> dict[int, Lanelet]:
-    """All lanelets by ascending id, with the speed limit in force on each."""
+def network_of(content: Content) -> dict[int, Lanelet]:
+    """All lanelets by ascending id, with the speed limit in force on each.
+
+    Raises:
+        ScenarioError: for borders that are none.
+    """
+    network = content.scenario.lanelet_network
     lanelets = sorted(network.lanelets, key=lambda lanelet: lanelet.lanelet_id)
     limits = speed_limits(own_limits(network), {x.lanelet_id: x.successor for x in lanelets})
     result: dict[int, Lanelet] = {}
