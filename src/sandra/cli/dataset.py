@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
-from sandra.cli.options import add_workers, command, workers_of
+from sandra.cli.options import add_workers, command, settings_of, workers_of
 from sandra.cli.output import print_json, progress
 from sandra.errors import SandraError
 
@@ -25,6 +25,7 @@ def add(commands: Any) -> None:
     )
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
     _add_record(actions)
+    _add_build(actions)
     _add_export(actions)
 
 
@@ -94,6 +95,78 @@ def _record(arguments: argparse.Namespace) -> int:
     progress("")
     _print(card, arguments.json)
     return 1 if card.errors else 0
+
+
+def _add_build(actions: Any) -> None:
+    parser = command(
+        actions,
+        "build",
+        "turn a folder of CommonRoad scenarios into rows of prompt and ranking, what was driven "
+        "first; what has no label is a row that says why; with a card beside it; an interrupted "
+        "build goes on; exit status 1 if no row has a label",
+        "sandra dataset build data --out data.jsonl --labeler mean --windows 3 --balance",
+    )
+    parser.add_argument("folder", metavar="DIR", help="of 'sandra dataset record', or any other")
+    parser.add_argument("--out", required=True, metavar="FILE.jsonl", help="what is written")
+    parser.add_argument(
+        "--labeler",
+        choices=("mean", "strict", "area"),
+        default="mean",
+        help="mean acceleration and lane at the end, or the formulas of the actions, or the "
+        "largest reachable set",
+    )
+    parser.add_argument("--horizon", type=int, metavar="H", help="steps of a window (default: 25)")
+    parser.add_argument(
+        "--windows", type=int, default=3, metavar="N", help="per vehicle, spread evenly"
+    )
+    parser.add_argument(
+        "--vehicles", type=int, default=0, metavar="N", help="per scenario at most; 0: all"
+    )
+    parser.add_argument(
+        "--balance",
+        nargs="?",
+        type=int,
+        const=0,
+        metavar="N",
+        help="at most N rows for each label in each split; without N: the median of the labels'",
+    )
+    parser.add_argument("--k", type=int, metavar="K", help="number of ranked pairs (default: 3)")
+    parser.add_argument(
+        "--seed", type=int, default=0, metavar="S", help="of all that is chosen at random"
+    )
+    parser.add_argument("--settings", metavar="FILE", help="a TOML file with parameters")
+    add_workers(parser)
+    parser.add_argument("--json", action="store_true", help="print the card as one JSON object")
+    parser.set_defaults(run=_build)
+
+
+def _build(arguments: argparse.Namespace) -> int:
+    from sandra.evaluation.dataset.build import build
+    from sandra.learn.windows import Windows
+
+    settings = settings_of(arguments)
+    changes = {"horizon": arguments.horizon, "k": arguments.k}
+    settings = settings.replace(**{k: v for k, v in changes.items() if v is not None})
+    if arguments.balance is not None and arguments.balance < 0:
+        raise SandraError(f"--balance {arguments.balance}: at least 1, or no number")
+    built = build(
+        Path(arguments.folder),
+        Path(arguments.out),
+        Windows(
+            labeler=arguments.labeler,
+            per_vehicle=arguments.windows,
+            vehicles=arguments.vehicles,
+            seed=arguments.seed,
+            settings=settings,
+        ),
+        arguments.balance,
+        workers_of(arguments),
+        ["sandra", *sys.argv[1:]],
+        lambda done, total, name: progress(bar(done, total, name)),
+    )
+    progress("")
+    _print(built.card, arguments.json)
+    return 0 if built.labelled else 1
 
 
 def _add_export(actions: Any) -> None:
