@@ -11,6 +11,7 @@ import pytest
 import sandra
 from sandra.actions import ALL_PAIRS, ActionPair
 from sandra.cli import main
+from sandra.cli.dataset import bar
 from sandra.describe import describe
 from sandra.errors import SandraError, SettingsError
 from sandra.evaluation.dataset.build import AUTO, build
@@ -317,3 +318,15 @@ def test_what_cannot_be_built_is_said(recorded, tmp_path, capsys):
     nowhere = ["--out", str(tmp_path / "no" / "x.jsonl")]
     assert main(["dataset", "build", str(recorded), *nowhere]) == 2
     assert "cannot be written" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("action", ["record", "build", "export"])
+def test_each_action_has_an_example_in_its_help(action, capsys):
+    with pytest.raises(SystemExit):
+        main(["dataset", action, "--help"])
+    assert f"example: sandra dataset {action} " in " ".join(capsys.readouterr().out.split())
+
+
+def test_a_progress_bar_fills():
+    assert [bar(n, 4, "x").count("#") for n in range(5)] == [0, 5, 10, 15, 20]
+    assert bar(1, 4, "a.xml").endswith("1 of 4: a.xml")
