@@ -96,9 +96,12 @@ def _rows_of_track(
 ) -> Iterator[Row]:
     horizon = how.settings.horizon
     blank = replace(blank, ego=track.id)
-    starts = track.windows(horizon, 1)
+    # From the second step on: the first one's steering is not known (`Tracks.scene`).
+    starts = track.windows(horizon, 1)[1:]
     if not starts:
-        detail = f"recorded for {track.last - track.first} steps, a window has {horizon}"
+        detail = (
+            f"recorded for {track.last - track.first} steps, a window has {horizon} after the first"
+        )
         yield replace(blank, status=RowStatus.SHORT.value, detail=detail)
         return
     places = np.linspace(0, len(starts) - 1, how.per_vehicle).round().astype(int)

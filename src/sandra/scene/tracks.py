@@ -130,7 +130,8 @@ class Tracks:
         states = chosen.states
         share = self._settings.ego_wheelbase / self._settings.ego_length
         wheelbase = share * chosen.length
-        ego = Ego(id, _state(states, self.dt, wheelbase), chosen.length, chosen.width, wheelbase)
+        state = _state(states[0], self._heading(id, step - 1), self.dt, wheelbase)
+        ego = Ego(id, state, chosen.length, chosen.width, wheelbase)
         seen = states[~np.isnan(states[:, 0])]
         goals = lanelets_near(self._network, float(seen[-1, 0]), float(seen[-1, 1]))
         start = Start(
@@ -141,14 +142,22 @@ class Tracks:
         except ScenarioError as error:
             raise ScenarioError(f"{self.path}: {error}") from None
 
+    def _heading(self, id: int, step: int) -> float:
+        """Of a vehicle at a step [rad]; NaN where it is not recorded."""
+        vehicle = self._content.scenario.obstacle_by_id(id)
+        state = vehicle.state_at_time(step)
+        return number(getattr(state, "orientation", None))
 
-def _state(states: Array, dt: float, wheelbase: float) -> State:
-    """The first row; the yaw rate from the headings of the first two, the steering from that."""
-    x, y, heading, speed, acceleration = (float(v) for v in np.nan_to_num(states[0]))
-    yaw_rate = 0.0
-    if len(states) > 1 and not np.isnan(states[1, 2]):
-        turn = (float(states[1, 2]) - heading + math.pi) % (2 * math.pi) - math.pi
-        yaw_rate = turn / dt
+
+def _state(row: Array, before: float, dt: float, wheelbase: float) -> State:
+    """The row; the yaw rate from the heading a step before, the steering from that.
+
+    Not from the heading a step later: the driver's next move must not be told. At the first step
+    of a recording the yaw rate is not known, and 0.
+    """
+    x, y, heading, speed, acceleration = (float(v) for v in np.nan_to_num(row))
+    turn = 0.0 if math.isnan(before) else heading - before
+    yaw_rate = ((turn + math.pi) % (2 * math.pi) - math.pi) / dt
     moving = abs(speed) > _STILL
     steering = math.atan(wheelbase * yaw_rate / speed) if moving else 0.0
     return State(x, y, heading, max(speed, 0.0), acceleration, steering, yaw_rate)
