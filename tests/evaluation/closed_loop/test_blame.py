@@ -157,6 +157,26 @@ def test_hit_from_behind():
     assert from_behind(one.recording.scene, 10, tick) is None
 
 
+@pytest.mark.parametrize(
+    ("braking", "operation", "expected"),
+    [
+        (-8.0, Operation.RENEWED, ["spares_standing"]),
+        (-3.0, Operation.RENEWED, []),  # the ego moves still
+        (-8.0, Operation.EMERGENCY, []),  # nothing was proven that ends in a standstill
+    ],
+)
+def test_who_stands_is_driven_into(braking, operation, expected):
+    ego = driven(20.0, 10.0, braking)
+    # From beside, within all bounds: it comes across the lanes at 1 m/s.
+    aside = car(ROAD, 9, rows(ROAD, ego[-1, 0] + 0 * T, 4.4 - 1.0 * T, 1.0, -np.pi / 2 + 0 * T))
+    tick = int(np.argmax(aside.states[:, 1] < 2.7))
+    one = episode(ego, [aside], [told(0, ego, [aside], operation)], {9: tick})
+    _, found = before_collision(one, tick, 9, SETTINGS)
+    assert [b.assumption for b in found if b.assumption == "spares_standing"] == expected
+    if expected:
+        assert found[-1].value == pytest.approx(1.0)
+
+
 def test_nobody_touches():
     far = car(ROAD, LEADER, driven(40.0, 15.0))
     assert partner_of(episode(EGO, [far], [], {LEADER: 5}), 5) is None

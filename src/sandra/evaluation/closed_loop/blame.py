@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from sandra.certify import Basis, Proven
 from sandra.decider import Carried, Operation
@@ -26,6 +27,11 @@ from sandra.simulation.meta import Meta
 
 TOUCHING = 1.0
 """Who is farther away when the ego crashes is not its partner [m]."""
+STANDS = 0.1
+"""The ego stands if it is no faster [m/s] (the paper's v_err)."""
+SPARES_STANDING = "spares_standing"
+"""Others do not drive into the ego that stands at the end of a proven fail-safe: a standstill is
+where each proof ends (method 6), so every certificate rests on it, whoever the other is."""
 MADE = (Operation.CERTIFIED, Operation.RENEWED, Meta.VERIFIED)
 """Steps in which what is driven from then on was proven, as far as it is."""
 
@@ -95,7 +101,17 @@ def before_collision(
         if closing is not None:
             hit = Breach("no_rear_end", partner, tick * scene.dt, closing, 0.0, "m/s")
             found = (*(b for b in found if b.assumption != "no_rear_end"), hit)
+    if episode.steps[since].operation in MADE and tick >= 1:
+        speed = abs(float(_partner(scene, partner)[tick - 1, 3]))
+        if episode.recording.ego[tick - 1, 3] <= STANDS < speed:
+            hit = Breach(SPARES_STANDING, partner, tick * scene.dt, speed, 0.0, "m/s")
+            found = (*found, hit)
     return since, found
+
+
+def _partner(scene: Scene, number: int) -> NDArray[np.float64]:
+    """(n, 5) of the vehicle with this id."""
+    return states_of(next(o for o in scene.obstacles if o.id == number))
 
 
 def from_behind(scene: Scene, other: int, tick: int) -> float | None:

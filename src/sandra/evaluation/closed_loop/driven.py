@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from sandra.decider import Operation
 from sandra.evaluation.closed_loop.blame import (
+    STANDS,
     Lapse,
     before_collision,
     lapses,
@@ -30,8 +31,6 @@ from sandra.simulation.recording import Recording
 
 Array = NDArray[np.float64]
 
-STANDS = 0.1
-"""The ego stands if it is no faster [m/s] (the paper's v_err)."""
 UNVERIFIED = "unverified"
 """The operation of drivers without a verifier."""
 

@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from sandra.evaluation.closed_loop.batch import one
+from sandra.evaluation.closed_loop.blame import STANDS
 from sandra.evaluation.closed_loop.drive import Drive
-from sandra.evaluation.closed_loop.driven import STANDS
 from sandra.evaluation.closed_loop.entry import (
     RULES,
     Entry,
