@@ -50,7 +50,8 @@ def _add_record(actions: Any) -> None:
         "--densities",
         default="0.75,1,1.5,2",
         metavar="LIST",
-        help="of the traffic, in multiples of the environment's own",
+        help="of the traffic: 1 is 24 vehicles on the highway (closer together where it is more), "
+        "10 at the merge and the intersection, 5 in the roundabout",
     )
     parser.add_argument(
         "--lanes", default="2,3,4", metavar="LIST", help="per direction (intersection: always 1)"

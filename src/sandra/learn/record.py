@@ -24,7 +24,7 @@ from sandra.simulation.recording import Recorder, Recording
 
 Array = NDArray[np.float64]
 
-VEHICLES = {"highway": 24, "merge": 10, "roundabout": 8, "intersection": 10}
+VEHICLES = {"highway": 24, "merge": 10, "roundabout": 5, "intersection": 10}
 """At density 1; on the highway always, where vehicles are set closer instead."""
 SPAWNING = 0.3
 """Chance, at density 1, that a vehicle enters the intersection in a step."""
