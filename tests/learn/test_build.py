@@ -96,7 +96,7 @@ def test_the_prompt_of_a_row_is_what_a_ranker_is_asked(rows, recorded, tmp_path,
         file = write(scene, tmp_path / f"{row.ego}-{row.step}.xml")
         assert main(["prompt", str(file), *with_settings]) == 0
         told = json.loads(capsys.readouterr().out)
-        assert told == {"system": row.system, "user": row.user, "schema": row.schema}
+        assert (told["system"], told["user"], told["schema"]) == (row.system, row.user, row.schema)
 
 
 def test_the_label_is_first_and_the_rest_is_feasible_and_distinct(rows):

@@ -22,14 +22,14 @@ LEAST_EXAMPLES = 10
 """OpenAI's fine-tuning refuses files with fewer examples."""
 MOST_TOKENS = 65_536
 """Of one example, for the models that take the most; what is beyond is cut off."""
-BYTES_PER_TOKEN = 4.0
-"""Of English text with numbers, for an estimate; each model has a tokenizer of its own."""
+CHARACTERS = 3.6
+"""Of a token in our prompts, roughly: numbers are short; each model has a tokenizer of its own."""
 _PER_MESSAGE = 4
 
 
 @dataclass(frozen=True, slots=True)
 class Exported:
-    """What was written. Tokens are an estimate (`BYTES_PER_TOKEN`), per pass over the data."""
+    """What was written. Tokens are an estimate (`CHARACTERS`), per pass over the data."""
 
     file: str
     format: str
@@ -129,5 +129,4 @@ def export(rows: Iterable[Row], form: str, out: Path, split: str = "train") -> E
 def estimated_tokens(row: Row) -> int:
     """Of one example, roughly."""
     texts = (row.system or "", row.user or "", answer(row))
-    size = sum(len(text.encode("utf-8", "replace")) for text in texts)
-    return round(size / BYTES_PER_TOKEN) + _PER_MESSAGE * len(texts)
+    return round(sum(map(len, texts)) / CHARACTERS) + _PER_MESSAGE * len(texts)
