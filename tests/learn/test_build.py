@@ -13,11 +13,12 @@ from sandra.actions import ALL_PAIRS, ActionPair
 from sandra.cli import main
 from sandra.cli.dataset import bar
 from sandra.describe import describe
-from sandra.errors import SandraError, SettingsError
+from sandra.errors import SandraError, ScenarioError, SettingsError
 from sandra.evaluation.dataset.build import AUTO, build
 from sandra.evaluation.dataset.folder import DataFolder
 from sandra.learn.episodes import SPLITS, Recipe
 from sandra.learn.export import answer, estimated_tokens, example
+from sandra.learn.record import play, save
 from sandra.learn.rows import Row, read_rows
 from sandra.learn.windows import Windows, ranking, split_of_file
 from sandra.rankers.answer import parse_answer
@@ -97,6 +98,32 @@ def test_the_prompt_of_a_row_is_what_a_ranker_is_asked(rows, recorded, tmp_path,
         assert main(["prompt", str(file), *with_settings]) == 0
         told = json.loads(capsys.readouterr().out)
         assert (told["system"], told["user"], told["schema"]) == (row.system, row.user, row.schema)
+
+
+@pytest.mark.parametrize("environment", ["highway", "merge"])
+def test_a_prompt_tells_nothing_of_what_comes(environment, tmp_path):
+    """Of a recording that ends soon and of one that goes on, the prompts of a step are the same.
+
+    At forks they may differ: there, the end of the recording tells the route.
+    """
+    episode = Recipe(environments=(environment,), densities=(0.5,)).episode(3)
+    files = [tmp_path / "short.xml", tmp_path / "long.xml"]
+    for file, steps in zip(files, (3, 25), strict=True):
+        save(episode, play(episode, steps, 5), file)
+    short, long = map(Tracks, files)
+    changes = same = 0
+    for track in long.all():
+        try:
+            scenes = [tracks.scene(track.id, 3) for tracks in (short, long)]
+        except ScenarioError:
+            continue  # It is off the road, or was not there yet.
+        texts = [describe(scene) for scene in scenes]
+        assert (texts[0].user, texts[0].system) == (texts[1].user, texts[1].system)
+        same += 1
+        rows = scenes[1].recorded_ego
+        changes += np.nanmax(np.abs(rows[:, 1] - rows[0, 1])) > 2.0
+    assert same >= 5
+    assert changes or environment == "highway"
 
 
 def test_the_label_is_first_and_the_rest_is_feasible_and_distinct(rows):
