@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from sandra.cli import closed_loop, rankings, soundness
+from sandra.cli import closed_loop, open_loop, rankings, soundness
 from sandra.cli.options import (
     add_assumptions,
     add_workers,
@@ -31,6 +31,7 @@ def add(commands: Any) -> None:
     soundness.add(actions)
     closed_loop.add(actions)
     rankings.add(actions)
+    open_loop.add(actions)
 
 
 def _add_verdicts(actions: Any) -> None:

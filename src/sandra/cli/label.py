@@ -62,14 +62,29 @@ def add_scenarios(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_choice(parser: argparse.ArgumentParser) -> None:
+def add_choice(
+    parser: argparse.ArgumentParser, horizon: str = "--horizon", windows: int = 0
+) -> None:
     """Options that say whose trajectories, and from which steps on."""
-    parser.add_argument("--horizon", type=int, metavar="H", help="steps of a label (default: 25)")
     parser.add_argument(
-        "--stride", type=int, metavar="N", help="steps between windows (default: the horizon)"
+        horizon,
+        dest="label_horizon",
+        type=int,
+        metavar="H",
+        help="steps of a label (default: that of the settings, 25)",
     )
     parser.add_argument(
-        "--windows", type=int, default=0, metavar="N", help="most windows of a vehicle, 0 for all"
+        "--stride",
+        type=int,
+        metavar="N",
+        help="steps between windows (default: as many as a label has)",
+    )
+    parser.add_argument(
+        "--windows",
+        type=int,
+        default=windows,
+        metavar="N",
+        help="most windows of a vehicle, 0 for all",
     )
     parser.add_argument(
         "--ego",
@@ -97,7 +112,7 @@ def choice_of(arguments: argparse.Namespace, labeler: str) -> Choice:
     from sandra.evaluation.labelling import Choice
 
     settings = settings_of(arguments)
-    horizon = settings.horizon if arguments.horizon is None else arguments.horizon
+    horizon = settings.horizon if arguments.label_horizon is None else arguments.label_horizon
     return Choice(
         ego=arguments.ego,
         seed=arguments.seed,

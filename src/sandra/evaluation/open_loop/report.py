@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from sandra.actions import ActionPair
 from sandra.errors import SandraError
 from sandra.evaluation.closed_loop.sheet import Sheet
-from sandra.evaluation.open_loop.baselines import Verdicts, answers
+from sandra.evaluation.open_loop.baselines import answers
 from sandra.evaluation.open_loop.records import Recorded, labels_of, read_rankings, read_verdicts
 from sandra.evaluation.open_loop.scores import KS, Case, Rate, Score, by_action, score
 
@@ -65,7 +64,7 @@ class Report:
         parts = [(pooled, self.actions)]
         parts += [(_name(x), self.actions_of_runs[x.run]) for x in self.baselines]
         return Sheet(
-            f"By the action that the label holds, {', '.join(self.pool)} taken together. "
+            f"By the action that the label holds, {'; '.join(self.pool)} taken together. "
             "Per cent [95 % interval after Wilson, as if answers about one scenario were "
             "independent].",
             ("of", "action", "n", "Safe@1", "Safe@3", "Top-1", "Top-3"),
@@ -93,7 +92,7 @@ class Report:
                     str(t.n),
                     *(f"{v:.4g}" for v in (t.mean, t.deviation, t.median, t.most)),
                 )
-                for x in self.runs
+                for x in (*self.runs, *self.baselines)
                 for name, t in x.seconds.items()
             ),
         )
@@ -131,15 +130,13 @@ class Report:
 
 def report(
     runs: Mapping[str, Recorded],
-    labels: Mapping[str, ActionPair | None],
-    verdicts: Verdicts | None = None,
+    trivial: Mapping[str, tuple[Case, ...]],
     pool: Sequence[str] = (),
 ) -> Report:
-    """Score recorded runs, and the baselines on the scenarios that have `labels`.
+    """Score recorded runs, and baselines.
 
     Args:
-        verdicts: what is verified in each scenario; without them nothing is said of the safety of
-            a baseline.
+        trivial: by the name of a baseline, its cases; see `baselines.answers`.
         pool: runs that are taken together by action; by default all that had no command.
 
     Raises:
@@ -149,8 +146,7 @@ def report(
         if name not in runs:
             raise SandraError(f"unknown run '{name}': choose from {', '.join(runs)}")
     together = tuple(pool) or tuple(name for name, run in runs.items() if run.command is None)
-    trivial = answers(labels, verdicts or {})
-    cases: dict[str, tuple[Case, ...]] = {name: run.cases for name, run in runs.items()} | trivial
+    cases = {name: run.cases for name, run in runs.items()} | dict(trivial)
     return Report(
         tuple(score(name, run.cases, repeated=run.repeated) for name, run in runs.items()),
         tuple(score(name, found, baseline=True) for name, found in trivial.items()),
@@ -168,7 +164,7 @@ def report_of_file(path: Path, verdicts: Path | None = None, pool: Sequence[str]
     """
     known = None if verdicts is None else read_verdicts(verdicts)
     runs = read_rankings(path, known)
-    return report(runs, labels_of(path, runs), known, pool)
+    return report(runs, answers(labels_of(path, runs), known or {}), pool)
 
 
 def _action(name: str, x: Score) -> dict[str, Any]:
