@@ -11,6 +11,7 @@ from sandra.evaluation.dataset.folder import INDEX, DataFolder
 from sandra.learn.episodes import DT, ENVIRONMENTS, SPLITS, Recipe, split_of
 from sandra.learn.record import play
 from sandra.scene import load
+from sandra.scene.network import lanelets_near
 
 SMALL = Recipe(environments=("merge", "highway"), duration=0.6, warm_up=0.2, seed=5)
 
@@ -104,7 +105,7 @@ def test_an_episode_that_breaks_is_counted_and_tried_again(tmp_path, monkeypatch
 def test_what_is_recorded_is_what_the_simulation_did(environment, tmp_path):
     """Positions go on by the speed; nobody is recorded off the road; the file holds the same."""
     recipe = Recipe(
-        environments=(environment,), drivers=("mixed",), duration=3.0, warm_up=1.0, seed=5
+        environments=(environment,), drivers=("mixed",), duration=4.0, warm_up=6.0, seed=5
     )
     card = DataFolder(tmp_path).record(recipe, 1)
     assert not card.errors
@@ -113,7 +114,10 @@ def test_what_is_recorded_is_what_the_simulation_did(environment, tmp_path):
     rows = [scene.recorded_ego, *(o.states for o in scene.obstacles if o.states is not None)]
     assert len(rows) >= 5
     moved = 0
+    lanelets = {lanelet.id: lanelet for lanelet in scene.lanelets}
     for states in rows:
+        last = states[np.isfinite(states[:, 0])][-1]
+        assert lanelets_near(lanelets, last[0], last[1], 0.5)
         there = np.isfinite(states).all(axis=1)
         states = states[there]
         if len(states) < 2:

@@ -70,7 +70,7 @@ def play(episode: Episode, steps: int, warm_up: int) -> Recording:
             step()
             recorder.note()
         for vehicle in world.env.road.vehicles:
-            if not vehicle.on_road:
+            if _is_off(vehicle):
                 left.setdefault(observer.id_of(vehicle), row)
     world.close()
     return _as_seen(recorder.recording(), left)
@@ -116,13 +116,21 @@ def _world(episode: Episode) -> Environment:
 
 def _scene(world: Environment, observer: Observer) -> Scene:
     for vehicle in (world.ego, *world.others):
-        if not vehicle.on_road:
+        if _is_off(vehicle):
             continue
         try:
             return observer.scene(vehicle)
         except ScenarioError:
             continue
     raise ScenarioError(f"{observer.name}: nobody is on the road any more")
+
+
+def _is_off(vehicle: Any) -> bool:
+    """Whether its centre is off the road; the library counts what is just behind its end as on."""
+    lane = vehicle.lane
+    s, _ = lane.local_coordinates(vehicle.position)
+    goes_on = bool(vehicle.road.network.graph.get(vehicle.lane_index[1]))
+    return not vehicle.on_road or (not goes_on and s > lane.length)
 
 
 def _as_seen(recording: Recording, left: dict[int, int]) -> Recording:

@@ -23,7 +23,7 @@ from sandra.scene.commonroad import Start, network_of, obstacles_from, scene_fro
 from sandra.scene.file import Content, read
 from sandra.scene.network import Network, lanelets_near
 from sandra.scene.obstacles import number
-from sandra.scene.types import Ego, Scene, State
+from sandra.scene.types import Ego, Obstacle, Scene, State
 from sandra.settings import Settings
 
 Array = NDArray[np.float64]
@@ -32,6 +32,8 @@ KINDS = frozenset({"car", "truck", "bus", "taxi", "priorityVehicle", "motorcycle
 """Kinds of obstacles that can be the ego."""
 _STILL = 0.5
 """Slower than this, a yaw rate tells no steering angle [m/s]."""
+_KEPT = 64
+"""Steps for which the obstacles of a file are kept."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +64,7 @@ class Tracks:
         self.path = Path(path)
         self._settings = settings or Settings()
         self._content: Content = read(self.path)
+        self._at: dict[int, tuple[Obstacle, ...]] = {}
 
     @property
     def dt(self) -> float:
@@ -120,7 +123,7 @@ class Tracks:
         Raises:
             ScenarioError: it is not recorded at that step, or is off the road there.
         """
-        others = obstacles_from(self._content, step)
+        others = self._obstacles(step)
         chosen = next((o for o in others if o.id == id and o.states is not None), None)
         if chosen is None or chosen.states is None or np.isnan(chosen.states[0, 0]):
             known = ", ".join(f"{t.id} ({t.first}-{t.last})" for t in self.all()) or "none"
@@ -141,6 +144,14 @@ class Tracks:
             return scene_from(self._content, self._network, start, self.path)
         except ScenarioError as error:
             raise ScenarioError(f"{self.path}: {error}") from None
+
+    def _obstacles(self, step: int) -> tuple[Obstacle, ...]:
+        """All obstacles from a step on; kept, since several vehicles are asked about at it."""
+        if step not in self._at:
+            if len(self._at) >= _KEPT:
+                del self._at[next(iter(self._at))]
+            self._at[step] = obstacles_from(self._content, step)
+        return self._at[step]
 
     def _heading(self, id: int, step: int) -> float:
         """Of a vehicle at a step [rad]; NaN where it is not recorded."""

@@ -11,9 +11,10 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from statistics import median_low
 from typing import Any, TextIO
@@ -173,7 +174,7 @@ def _finish(
         if row.is_labelled and row.label is not None:
             places.setdefault((row.label, row.split), []).append(number)
         else:
-            reasons[f"{row.status}: {row.detail}"] += 1
+            reasons[re.sub(r"\d+", "N", f"{row.status}: {row.detail}")] += 1
     kept = _balanced(places, balance, how.seed)
     chosen = {number for several in kept.values() for number in several}
     digest = hashlib.sha256()
@@ -195,7 +196,11 @@ def _finish(
         "driven from there on. Rows without a label say why.",
         facts={
             "scenarios": len(names),
-            "settings": how.to_dict(),
+            "labeler": how.labeler,
+            "window [steps]": how.settings.horizon,
+            "windows per vehicle": how.per_vehicle,
+            "vehicles per scenario": how.vehicles or "all",
+            "seed": how.seed,
             "rows per label and split at most": "all" if balance is None else (balance or "median"),
             "labelled rows": len(chosen),
             "left out by balancing": sum(found.values()) - len(chosen),
@@ -206,6 +211,7 @@ def _finish(
         tables=tables,
         errors=tuple(f"{n} x {words}" for words, n in reasons.most_common(_MOST_REASONS)),
         command_line=tuple(command_line),
+        settings=asdict(how.settings),
     )
     write_card(card, out.with_suffix(".card.json"), out.with_suffix(".card.md"))
     return card, len(chosen)

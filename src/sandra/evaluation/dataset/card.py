@@ -24,6 +24,8 @@ class Card:
     tables: Mapping[str, Table]
     errors: tuple[str, ...] = ()
     command_line: tuple[str, ...] = ()
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    """For machines only."""
     versions: Mapping[str, str] = field(default_factory=versions)
     commit: str | None = field(default_factory=commit)
 
@@ -35,6 +37,7 @@ class Card:
             "tables": {name: {k: dict(v) for k, v in t.items()} for name, t in self.tables.items()},
             "errors": list(self.errors),
             "command_line": list(self.command_line),
+            "settings": dict(self.settings),
             "versions": dict(self.versions),
             "commit": self.commit,
         }
@@ -47,7 +50,7 @@ class Card:
         for name, table in self.tables.items():
             lines += ["", *_markdown(name, table)]
         if self.errors:
-            lines += ["", "## Errors", "", *(f"* {words}" for words in self.errors)]
+            lines += ["", "## What is missing", "", *(f"* {words}" for words in self.errors)]
         made = ", ".join(f"{name} {version}" for name, version in self.versions.items())
         lines += ["", "## Made by", "", f"`{' '.join(self.command_line)}`", ""]
         lines += [f"commit {self.commit or 'unknown'}; {made}"]
