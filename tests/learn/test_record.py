@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sandra.cli import main
 from sandra.errors import SandraError, SettingsError
 from sandra.evaluation.dataset.folder import INDEX, DataFolder
 from sandra.learn.episodes import DT, ENVIRONMENTS, SPLITS, Recipe, split_of
@@ -159,3 +160,18 @@ def test_a_step_tells_nothing_of_what_comes(environment):
 def test_what_cannot_be_recorded_is_said(changes, words):
     with pytest.raises(SettingsError, match=words):
         Recipe(**changes)
+
+
+def test_on_the_command_line(tmp_path, capsys):
+    words = ["dataset", "record", "--out", str(tmp_path / "data"), "--environments", "merge"]
+    words += ["--lanes", "2", "--drivers", "defensive", "--densities", "0.5", "--seed", "8"]
+    words += ["--episodes", "2", "--duration", "0.4", "--warm-up", "0"]
+    assert main([*words, "--json"]) == 0
+    card = json.loads(capsys.readouterr().out)
+    assert card["tables"]["drivers"] == {"defensive": {"train": 0, "validation": 1, "test": 1}}
+    assert main(words) == 0  # Nothing is left to record.
+    assert "| episodes | 2 |" in capsys.readouterr().out
+    assert main([*words, "--lanes", "two"]) == 2
+    assert "--lanes two: numbers" in capsys.readouterr().err
+    assert main([*words, "--episodes", "0"]) == 2
+    assert "at least 1" in capsys.readouterr().err
