@@ -271,7 +271,11 @@ def test_the_exported_answer_is_read_back_as_the_ranking(rows, recorded):
 
 
 def test_openai_format(rows):
-    """The checks of https://cookbook.openai.com/examples/chat_finetuning_data_prep."""
+    """The checks of https://cookbook.openai.com/examples/chat_finetuning_data_prep, and the types
+    of messages in OpenAI's own library."""
+    from openai.types.chat import ChatCompletionMessageParam
+    from pydantic import TypeAdapter
+
     row = next(row for row in rows if row.is_labelled)
     one = json.loads(json.dumps(example(row, "openai")))
     assert set(one) == {"messages"}
@@ -279,6 +283,7 @@ def test_openai_format(rows):
     assert all(set(message) == {"role", "content"} for message in one["messages"])
     assert all(isinstance(m["content"], str) and m["content"] for m in one["messages"])
     assert one["messages"][1]["content"] == row.user
+    TypeAdapter(list[ChatCompletionMessageParam]).validate_python(one["messages"])
 
 
 def test_trl_format(rows):
