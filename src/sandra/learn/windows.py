@@ -96,12 +96,11 @@ def _rows_of_track(
 ) -> Iterator[Row]:
     horizon = how.settings.horizon
     blank = replace(blank, ego=track.id)
-    # From the second step on: the first one's steering is not known (`Tracks.scene`).
-    starts = track.windows(horizon, 1)[1:]
+    starts = track.windows(horizon, 1)
+    # Rather from the second step on: the first one's steering is not known (`Tracks.scene`).
+    starts = starts[1:] or starts
     if not starts:
-        detail = (
-            f"recorded for {track.last - track.first} steps, a window has {horizon} after the first"
-        )
+        detail = f"recorded for {track.last - track.first} steps, a window has {horizon}"
         yield replace(blank, status=RowStatus.SHORT.value, detail=detail)
         return
     places = np.linspace(0, len(starts) - 1, how.per_vehicle).round().astype(int)
