@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from sandra.actions import Lateral, Longitudinal
-from sandra.errors import ScenarioError, SettingsError
+from sandra.errors import FormulaError, ScenarioError, SettingsError
 from sandra.learn import Label, label
+from sandra.learn.trace import Recorded
+from sandra.logic.formula import Comparison, Predicate
 from sandra.scene.types import Scene
 from sandra.settings import Settings
 from straight_road import WIDTH, Road
@@ -85,6 +87,28 @@ def test_a_formula_is_asked_of_every_step_of_the_window_and_of_no_other() -> Non
     assert words(label(driven(late), H - 1, "strict")) == "keep,follow-lane"
     first = [0.3] + [0.0] * (H - 1)
     assert words(label(driven(first), H, "strict")) == "unknown"
+
+
+def test_a_letter_holds_the_acceleration_of_the_interval_that_follows() -> None:
+    jump = Comparison("a", "<=", 0.5)
+    recorded = Recorded.of(driven([0.0, 1.0, 0.0, 1.0]), 4)
+    assert [letter[jump] for letter in recorded.letters([jump])] == [
+        True,
+        False,
+        True,
+        False,
+        False,
+    ]
+    slow = Comparison("v", "<=", 10.05)
+    assert [letter[slow] for letter in recorded.letters([slow])] == [
+        True,
+        True,
+        False,
+        False,
+        False,
+    ]
+    with pytest.raises(FormulaError, match="is no predicate of an action"):
+        recorded.letters([Predicate("keeps_safe_distance", "preceding")])
 
 
 def test_a_lane_that_is_not_there_is_no_label() -> None:

@@ -101,6 +101,8 @@ def files_of(given: list[str]) -> list[Path]:
     found: list[Path] = []
     for word in given:
         path = path_of(word)
+        if not path.exists():
+            raise SandraError(f"{path}: no such file; check the path")
         inside = sorted(path.rglob("*.xml")) if path.is_dir() else [path]
         if not inside:
             raise SandraError(f"{path}: there is no .xml file in this folder; name another one")

@@ -92,7 +92,9 @@ def add(actions: Any) -> None:
         help="of what is printed",
     )
     parser.add_argument(
-        "--figures", action="store_true", help="draw bars with intervals for what varies, as .pdf"
+        "--figures",
+        action="store_true",
+        help="draw bars with intervals for what varies, and durations, as .pdf",
     )
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.set_defaults(run=_open_loop)
@@ -179,8 +181,11 @@ def _write(found: OpenLoop, out: Path) -> list[Path]:
 
 def _draw(found: OpenLoop, out: Path) -> list[Path]:
     from sandra.view.ablation import ablation_figure
+    from sandra.view.durations import durations_figure
 
-    return [
+    durations = found.durations()
+    timed = [durations_figure(durations, out / "runtimes.pdf")] if any(durations.values()) else []
+    return timed + [
         ablation_figure(bars, out / f"ablation-{factor.replace('_', '-')}.pdf")
         for factor, bars in found.bars().items()
     ]

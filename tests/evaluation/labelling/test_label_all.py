@@ -131,3 +131,5 @@ def test_the_command_line(folder: Path, tmp_path: Path, capsys: pytest.CaptureFi
     assert main(["label", str(folder), "--horizon", "20"]) == 0
     assert main(["label", str(tmp_path / "out")]) == 2
     assert "there is no .xml file in this folder" in capsys.readouterr().err
+    assert main(["label", str(tmp_path / "absent.xml")]) == 2
+    assert "absent.xml: no such file" in capsys.readouterr().err

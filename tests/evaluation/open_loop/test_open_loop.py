@@ -181,6 +181,22 @@ def test_the_grid_and_its_ablations() -> None:
         Conditions(prediction="none")
 
 
+def test_durations_are_those_of_the_rows(found: OpenLoop) -> None:
+    told = found.durations()
+    rows = [row for row in found.rows[RULES.name] if not row["error"]]
+    assert list(told) == [KEEP.name, RULES.name, "all twelve pairs, nobody asked, h = 20"]
+    parts = ("rank_s", "predict_s", "verify_s")
+    assert told[RULES.name] == [sum(row[part] for part in parts) for row in rows]
+
+
+def test_no_password_of_an_address_is_written() -> None:
+    told = Conditions(base_url="http://user:secret@host:80/v1?key=secret").to_dict()
+    assert told["server"] == "host:80/v1"
+    assert "secret" not in json.dumps(told)
+    with pytest.raises(SettingsError, match="is no address"):
+        Conditions(base_url="http://host:port/").to_dict()
+
+
 def test_the_command_line_and_back_through_rankings(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -193,7 +209,8 @@ def test_the_command_line_and_back_through_rankings(
     assert len(told["runs"]) == 8
     assert told["errors"] == 8
     pictures = sorted(x.name for x in out.glob("*.pdf"))
-    assert pictures == [f"ablation-{x}.pdf" for x in ("command", "horizon", "ranker")]
+    varied = [f"ablation-{x}.pdf" for x in ("command", "horizon", "ranker")]
+    assert pictures == [*varied, "runtimes.pdf"]
     again = report_of_file(out / "rankings.csv")
     for run, score in zip(told["runs"], again.runs, strict=True):
         back = score.to_dict()

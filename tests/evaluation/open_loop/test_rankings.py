@@ -124,6 +124,13 @@ def test_what_is_repeated_is_left_out_and_counted(tmp_path: Path) -> None:
     assert (found.n, found.repeated, found.top[0].hits) == (1, 1, 1)
 
 
+def test_a_row_that_is_marked_does_not_count_wherever_it_stands(tmp_path: Path) -> None:
+    marked = f"a,s1,{KEEP},stop,left,{KEEP},decelerate,right,0,1,1"
+    file = _written(tmp_path, marked, GOOD + ",0", header=HEADER + ",duplicate")
+    (found,) = report_of_file(file).runs
+    assert (found.n, found.repeated, found.top[0].hits) == (1, 1, 1)
+
+
 def test_an_unknown_label_stays_in_the_denominator(tmp_path: Path) -> None:
     unknown = f"a,s2,unknown,unknown,{KEEP},stop,left,decelerate,right,1,1"
     found = report_of_file(_written(tmp_path, GOOD, unknown))

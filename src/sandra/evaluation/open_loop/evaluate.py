@@ -56,6 +56,21 @@ class OpenLoop:
             for factor, setups in varied.items()
         }
 
+    def durations(self) -> dict[str, list[float]]:
+        """Time of each decision [s]: asking, predicting, verifying; and of all pairs unasked."""
+        asked = {
+            name: [row["rank_s"] + row["predict_s"] + row["verify_s"] for row in _timed(rows)]
+            for name, rows in self.rows.items()
+        }
+        horizons = sorted({setup.horizon: setup for setup in reversed(self.setups)}.items())
+        unasked = {
+            f"all twelve pairs, nobody asked, h = {horizon}": [
+                row["predict_s"] + row["exhaustive_s"] for row in _timed(self.rows[setup.name])
+            ]
+            for horizon, setup in horizons
+        }
+        return asked | unasked
+
     def nothing_verified(self) -> Sheet:
         """Why in some scenarios no pair is verified, so that no ranking could be safe there."""
         counts = Counter(
@@ -177,6 +192,10 @@ def case_of(row: Row) -> Case:
 def _scenario(row: Row) -> str:
     """The file, and who is the ego from which step on."""
     return f"{row['file']}:{row['ego_id']}:{row['step']}"
+
+
+def _timed(rows: Sequence[Row]) -> list[Row]:
+    return [row for row in rows if not row["error"]]
 
 
 def _without_numbers(reason: str) -> str:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
+from urllib.parse import urlsplit
 
 from sandra.errors import SettingsError
 from sandra.prediction import KINDS
@@ -71,10 +72,19 @@ class Conditions:
             "prediction": self.prediction,
             "rules": list(self.rules),
             "accept": self.accept,
-            "base_url": self.base_url,
+            "server": None if self.base_url is None else _place(self.base_url),
             "deadline": self.deadline,
             "settings": repr(self.settings),
         }
+
+
+def _place(url: str) -> str:
+    """Host, port and path of an address, without a password or a key that may be in it."""
+    try:
+        parts = urlsplit(url)
+        return f"{parts.hostname}:{parts.port or ''}{parts.path}"
+    except ValueError:
+        raise SettingsError("the base URL is no address; write http://HOST:PORT/PATH") from None
 
 
 def grid(
