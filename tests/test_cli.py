@@ -222,7 +222,7 @@ def test_the_picture_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[st
 
 
 @pytest.mark.parametrize(
-    "command", ["decide", "verify", "prompt", "certificate", "scenarios", "demo"]
+    "command", ["decide", "verify", "prompt", "certificate", "dataset", "scenarios", "demo"]
 )
 def test_every_command_has_an_example_in_its_help(
     command: str, capsys: pytest.CaptureFixture[str]

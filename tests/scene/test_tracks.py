@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import sandra
 from sandra.errors import ScenarioError
 from sandra.scene.tracks import Track, Tracks
+from sandra.scene.writing import write
 
 
 @pytest.fixture(scope="module")
@@ -35,6 +39,23 @@ def test_the_vehicle_is_taken_out_and_seen_as_it_was(tracks: Tracks) -> None:
 
 def test_what_the_ego_did_is_not_told_to_the_scene(tracks: Tracks) -> None:
     assert tracks.scene(1003, 0).goal is None
+
+
+def test_a_scene_tells_nothing_of_what_the_ego_does_next(tmp_path: Path) -> None:
+    """Two egos that are the same up to a step, and then turn to different sides."""
+    scene = sandra.load(sandra.example("recorded-ego"))
+    assert scene.recorded_ego is not None
+    states = []
+    for turn in (0.2, -0.2):
+        rows = scene.recorded_ego[:12].copy()
+        rows[3:, 2] += 0.03
+        rows[5:, 2] += turn
+        path = write(replace(scene, recorded_ego=rows), tmp_path / f"{turn}.xml")
+        states.append(Tracks(path).scene(scene.ego.id, 4).ego.state)
+        turned = Tracks(path).scene(scene.ego.id, 3).ego.state
+        assert turned.yaw_rate == pytest.approx(0.03 / scene.dt, abs=0.02)
+        assert turned.steering_angle > 0.0
+    assert states[0] == states[1]
 
 
 def test_the_choice_is_seeded(tracks: Tracks) -> None:

@@ -55,6 +55,14 @@ def test_who_appears_late_is_there_from_then_on(tmp_path: Path) -> None:
     assert np.allclose(found.states[3:, :2], states[3 : len(found.states), :2], atol=1e-3)
 
 
+def test_an_ego_that_turns_is_read_back_turning(tmp_path: Path) -> None:
+    scene = sandra.load(sandra.example("recorded-ego"))
+    turning = replace(scene.ego.state, yaw_rate=0.25, steering_angle=0.1)
+    written = replace(scene, ego=replace(scene.ego, state=turning))
+    back = sandra.load(write(written, tmp_path / "turning.xml"))
+    assert back.ego.state.yaw_rate == pytest.approx(0.25)
+
+
 def with_outline(region: Region) -> Scene:
     scene = sandra.load(sandra.example("recorded-ego"))
     return replace(scene, obstacles=(replace(scene.obstacles[0], outline=region),))

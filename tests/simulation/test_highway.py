@@ -99,6 +99,20 @@ def test_other_roads_have_the_same_interface(name):
     assert np.array_equal(states(rest.env), futures[0])
 
 
+def test_at_the_intersection_vehicles_yield_as_in_the_library():
+    """Its road has rules of its own, which must survive the reset."""
+    world, library = highway(Traffic("intersection-v0")), highway(Traffic("intersection-v0"))
+    world.reset(3)
+    library.env.reset(seed=3)
+    yielded = False
+    for _ in range(12):
+        world.step("IDLE")
+        library.env.step(library.env.action_type.actions_indexes["IDLE"])
+        assert np.array_equal(states(world.env), states(library.env))
+        yielded |= any(getattr(v, "is_yielding", False) for v in world.others)
+    assert yielded
+
+
 def test_intersections_leave_other_traffic_alone():
     """highway-env's intersection writes into the class of its traffic: not into the library's."""
     from highway_env.vehicle.behavior import IDMVehicle

@@ -15,6 +15,7 @@ from sandra.cli import (
     bench,
     certificate,
     conformance,
+    dataset,
     decide,
     demo,
     drive,
@@ -63,7 +64,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"sandra {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     deciding = (decide, verify, drive, prompt, certificate)
-    watching = (monitor, conformance, film, label, evaluate, bench, scenarios, demo)
+    watching = (monitor, conformance, film, label, evaluate, dataset, bench, scenarios, demo)
     for each in (*deciding, *watching):
         each.add(commands)
     return parser

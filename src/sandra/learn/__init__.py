@@ -1,4 +1,4 @@
-"""What people drove, as action pairs: labels of recorded trajectories."""
+"""Data to learn from: recorded traffic, what was driven as labels, prompts, what trainers read."""
 
 from sandra.learn.labels import LABELERS, Label, label
 

@@ -23,7 +23,7 @@ from sandra.scene.commonroad import Start, network_of, obstacles_from, scene_fro
 from sandra.scene.file import Content, read
 from sandra.scene.network import Network, lanelets_near
 from sandra.scene.obstacles import number
-from sandra.scene.types import Ego, Scene, State
+from sandra.scene.types import Ego, Obstacle, Scene, State
 from sandra.settings import Settings
 
 Array = NDArray[np.float64]
@@ -32,6 +32,8 @@ KINDS = frozenset({"car", "truck", "bus", "taxi", "priorityVehicle", "motorcycle
 """Kinds of obstacles that can be the ego."""
 _STILL = 0.5
 """Slower than this, a yaw rate tells no steering angle [m/s]."""
+_KEPT = 64
+"""Steps for which the obstacles of a file are kept."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +64,7 @@ class Tracks:
         self.path = Path(path)
         self._settings = settings or Settings()
         self._content: Content = read(self.path)
+        self._at: dict[int, tuple[Obstacle, ...]] = {}
 
     @property
     def dt(self) -> float:
@@ -120,7 +123,7 @@ class Tracks:
         Raises:
             ScenarioError: it is not recorded at that step, or is off the road there.
         """
-        others = obstacles_from(self._content, step)
+        others = self._obstacles(step)
         chosen = next((o for o in others if o.id == id and o.states is not None), None)
         if chosen is None or chosen.states is None or np.isnan(chosen.states[0, 0]):
             known = ", ".join(f"{t.id} ({t.first}-{t.last})" for t in self.all()) or "none"
@@ -130,7 +133,8 @@ class Tracks:
         states = chosen.states
         share = self._settings.ego_wheelbase / self._settings.ego_length
         wheelbase = share * chosen.length
-        ego = Ego(id, _state(states, self.dt, wheelbase), chosen.length, chosen.width, wheelbase)
+        state = _state(states[0], self._heading(id, step - 1), self.dt, wheelbase)
+        ego = Ego(id, state, chosen.length, chosen.width, wheelbase)
         seen = states[~np.isnan(states[:, 0])]
         goals = lanelets_near(self._network, float(seen[-1, 0]), float(seen[-1, 1]))
         start = Start(
@@ -141,14 +145,30 @@ class Tracks:
         except ScenarioError as error:
             raise ScenarioError(f"{self.path}: {error}") from None
 
+    def _obstacles(self, step: int) -> tuple[Obstacle, ...]:
+        """All obstacles from a step on; kept, since several vehicles are asked about at it."""
+        if step not in self._at:
+            if len(self._at) >= _KEPT:
+                del self._at[next(iter(self._at))]
+            self._at[step] = obstacles_from(self._content, step)
+        return self._at[step]
 
-def _state(states: Array, dt: float, wheelbase: float) -> State:
-    """The first row; the yaw rate from the headings of the first two, the steering from that."""
-    x, y, heading, speed, acceleration = (float(v) for v in np.nan_to_num(states[0]))
-    yaw_rate = 0.0
-    if len(states) > 1 and not np.isnan(states[1, 2]):
-        turn = (float(states[1, 2]) - heading + math.pi) % (2 * math.pi) - math.pi
-        yaw_rate = turn / dt
+    def _heading(self, id: int, step: int) -> float:
+        """Of a vehicle at a step [rad]; NaN where it is not recorded."""
+        vehicle = self._content.scenario.obstacle_by_id(id)
+        state = vehicle.state_at_time(step)
+        return number(getattr(state, "orientation", None))
+
+
+def _state(row: Array, before: float, dt: float, wheelbase: float) -> State:
+    """The row; the yaw rate from the heading a step before, the steering from that.
+
+    Not from the heading a step later: the driver's next move must not be told. At the first step
+    of a recording the yaw rate is not known, and 0.
+    """
+    x, y, heading, speed, acceleration = (float(v) for v in np.nan_to_num(row))
+    turn = 0.0 if math.isnan(before) else heading - before
+    yaw_rate = ((turn + math.pi) % (2 * math.pi) - math.pi) / dt
     moving = abs(speed) > _STILL
     steering = math.atan(wheelbase * yaw_rate / speed) if moving else 0.0
     return State(x, y, heading, max(speed, 0.0), acceleration, steering, yaw_rate)

@@ -96,7 +96,7 @@ def _scenario(scene: Scene, source: str) -> tuple[Any, Any]:
     last = scene.recorded_steps if scene.recorded_ego is None else len(scene.recorded_ego) - 1
     problem = PlanningProblem(
         max(taken) + 1,
-        _initial(_values(ego.state), 0),
+        _initial(_values(ego.state), 0, ego.state.yaw_rate),
         GoalRegion([CustomState(time_step=Interval(last, last))]),
     )
     return scenario, PlanningProblemSet([problem])
@@ -202,10 +202,10 @@ def _later(row: Array, step: int) -> Any:
     return ExtendedPMState(**_fields(row, step))
 
 
-def _initial(row: Array, step: int) -> Any:
+def _initial(row: Array, step: int, yaw_rate: float = 0.0) -> Any:
     from commonroad.scenario.state import InitialState
 
-    return InitialState(**_fields(row, step), yaw_rate=0.0, slip_angle=0.0)
+    return InitialState(**_fields(row, step), yaw_rate=yaw_rate, slip_angle=0.0)
 
 
 def _fields(row: Array, step: int) -> dict[str, Any]:

@@ -26,8 +26,10 @@ class QuickRoad(Road):  # type: ignore[misc]
     """By lane, while all decide: s of each vehicle on the road, and (s, vehicle) on the lane."""
 
     @classmethod
-    def of(cls, road: Any) -> QuickRoad:
-        """The same road, its vehicles and objects moved over."""
+    def of(cls, road: Any) -> Any:
+        """The same road, its vehicles and objects moved over; itself if it has rules of its own."""
+        if type(road) is not Road:  # At the intersection, it makes vehicles yield.
+            return road
         quick = cls.__new__(cls)
         quick.__dict__.update(road.__dict__)
         quick.network = QuickNetwork.of(road.network)

@@ -13,12 +13,9 @@ whole. A run goes on where it stopped, and never mixes with another one's data.
 from __future__ import annotations
 
 import json
-import platform
 import shutil
-import subprocess
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -26,10 +23,9 @@ from sandra.certificate import save
 from sandra.errors import SandraError
 from sandra.evaluation.closed_loop.drive import Drive, play
 from sandra.evaluation.closed_loop.driven import Outcome
+from sandra.evaluation.provenance import commit, versions
 from sandra.scene.writing import write
 from sandra.simulation.episode import Episode, Step
-
-PACKAGES = ("sandra", "highway-env", "gymnasium", "numpy", "shapely", "commonroad-io")
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,8 +54,8 @@ class RunFolder:
         about = {
             "drive": how.to_dict(),
             "command_line": list(command_line),
-            "versions": _versions(),
-            "commit": _commit(),
+            "versions": versions(),
+            "commit": commit(),
         }
         try:
             self.path.mkdir(parents=True, exist_ok=True)
@@ -149,27 +145,6 @@ def _decision(step: Step) -> dict[str, Any]:
         "reasoning": ranking.reasoning,
         **decision.to_dict(),
     }
-
-
-def _versions() -> dict[str, str]:
-    found = {"python": platform.python_version()}
-    for name in PACKAGES:
-        try:
-            found[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            found[name] = "absent"
-    return found
-
-
-def _commit() -> str | None:
-    """Of the checkout that this package is run from, with "+changes"; None if there is none."""
-    here = Path(__file__).parent
-    try:
-        words = ["git", "-C", str(here), "describe", "--always", "--abbrev=40", "--dirty=+changes"]
-        found = subprocess.run(words, capture_output=True, text=True, timeout=10, check=True)
-    except (OSError, subprocess.SubprocessError):
-        return None
-    return found.stdout.strip() or None
 
 
 def _write(file: Path, data: dict[str, Any]) -> None:
