@@ -28,7 +28,7 @@ demo: .venv/.installed  ## decide the intersection scenario with the built-in ra
 	$(BIN)/sandra demo
 
 test: .venv/.installed  ## the tests
-	$(BIN)/python -m pytest -n 2
+	$(BIN)/python -m pytest -n 3
 
 coverage: .venv/.installed  ## lines and branches of the safety core that the tests reach (minutes)
 	$(BIN)/python -m pytest -n 2 --cov=sandra --cov-branch --cov-report=json:.coverage.json
