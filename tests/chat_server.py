@@ -10,6 +10,7 @@ from http.server import ThreadingHTTPServer
 from typing import Any
 
 from hostile_server import Handler, Play
+from loopback import serving
 
 
 class ChatServer(ThreadingHTTPServer):
@@ -58,11 +59,5 @@ class NotingHandler(Handler):
 @contextlib.contextmanager
 def chat_server(*plays: Play) -> Iterator[ChatServer]:
     server = ChatServer(*plays)
-    thread = threading.Thread(target=server.serve_forever, args=(0.01,), daemon=True)
-    thread.start()
-    try:
+    with serving(server):
         yield server
-    finally:
-        server.shutdown()
-        server.server_close()
-        thread.join()

@@ -15,6 +15,8 @@ from dataclasses import dataclass, field
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 
+from loopback import serving
+
 PIECES = 20
 """A text is written in so many pieces."""
 
@@ -83,14 +85,8 @@ class SlowServer(ThreadingHTTPServer):
 @contextlib.contextmanager
 def slow_server(pace: Pace) -> Iterator[SlowServer]:
     server = SlowServer(pace)
-    thread = threading.Thread(target=server.serve_forever, args=(0.01,), daemon=True)
-    thread.start()
-    try:
+    with serving(server):
         yield server
-    finally:
-        server.shutdown()
-        server.server_close()
-        thread.join()
 
 
 class Handler(BaseHTTPRequestHandler):

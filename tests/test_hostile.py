@@ -27,18 +27,14 @@ BUSY = 2.0
 SHORT, LONG = 0.7, 6.0
 """Deadlines [s]: of those that take all of it; of those that must not."""
 
+pytestmark = pytest.mark.usefixtures("no_openai_key")
+
 
 @pytest.fixture(scope="module")
 def server() -> Iterator[Hostile]:
     assert LONGEST > 4.0 + BUSY, "waiting for the server must be noticed"
     with hostile_server() as server:
         yield server
-
-
-@pytest.fixture(autouse=True)
-def _no_key(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("OPENAI_API_KEY", "OPENAI_BASE_URL"):
-        monkeypatch.delenv(name, raising=False)
 
 
 OTHERWISE = [name for i, name in enumerate(CASES) if i % 3 == 0 or not CASES[name].waits]

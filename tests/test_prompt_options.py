@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import base64
 import json
-import threading
 from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 import pytest
 
+from loopback import serving
 from sandra.cli import main
 from sandra.describe import Beams, PromptOptions, Templates
 from sandra.evaluation.closed_loop.drive import Drive
@@ -39,14 +39,10 @@ class Sky(BaseHTTPRequestHandler):
 @pytest.fixture
 def sky(monkeypatch: pytest.MonkeyPatch) -> Iterator[ThreadingHTTPServer]:
     server = ThreadingHTTPServer(("127.0.0.1", 0), Sky)
-    thread = threading.Thread(target=server.serve_forever, args=(0.01,), daemon=True)
-    thread.start()
     monkeypatch.setenv("OPENWEATHERMAP_BASE_URL", f"http://127.0.0.1:{server.server_port}")
     monkeypatch.setenv("OPENWEATHERMAP_API_KEY", KEY)
-    yield server
-    server.shutdown()
-    server.server_close()
-    thread.join()
+    with serving(server):
+        yield server
 
 
 @pytest.fixture

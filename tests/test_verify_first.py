@@ -28,10 +28,7 @@ BUSY = 1.5
 """What a busy machine may take in addition [s]: connections, threads, the choice at the end."""
 
 
-@pytest.fixture(autouse=True)
-def _no_key(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("OPENAI_API_KEY", "OPENAI_BASE_URL"):
-        monkeypatch.delenv(name, raising=False)
+pytestmark = pytest.mark.usefixtures("no_openai_key")
 
 
 def names(pairs: Sequence[sandra.ActionPair]) -> set[tuple[str, str]]:

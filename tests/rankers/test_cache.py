@@ -27,10 +27,7 @@ PAIRS = tuple(ActionPair.of(*pair) for pair in GOOD)
 ALL = answer(*GOOD, reasoning="Straße frei \ud83d\ude97")
 
 
-@pytest.fixture(autouse=True)
-def _no_key(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("OPENAI_API_KEY", "OPENAI_BASE_URL"):
-        monkeypatch.delenv(name, raising=False)
+pytestmark = pytest.mark.usefixtures("no_openai_key")
 
 
 @pytest.fixture

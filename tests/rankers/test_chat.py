@@ -19,17 +19,13 @@ from straight_road import Road
 PROMPT = describe(Road().scene(), "drive faster")
 PAIRS = [ActionPair.of(*pair) for pair in GOOD]
 
+pytestmark = pytest.mark.usefixtures("no_openai_key")
+
 
 @pytest.fixture
 def server() -> Iterator[ChatServer]:
     with chat_server() as server:
         yield server
-
-
-@pytest.fixture(autouse=True)
-def _no_key(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("OPENAI_API_KEY", "OPENAI_BASE_URL"):
-        monkeypatch.delenv(name, raising=False)
 
 
 def test_what_is_sent(server: ChatServer) -> None:

@@ -55,17 +55,13 @@ You can choose:
 3 FASTER: drive faster
 4 SLOWER: drive slower"""
 
+pytestmark = pytest.mark.usefixtures("no_openai_key")
+
 
 @pytest.fixture
 def server() -> Iterator[ModelServer]:
     with model_server() as server:
         yield server
-
-
-@pytest.fixture(autouse=True)
-def _no_key(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("OPENAI_API_KEY", "OPENAI_BASE_URL"):
-        monkeypatch.delenv(name, raising=False)
 
 
 def rank(

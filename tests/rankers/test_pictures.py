@@ -25,9 +25,7 @@ BLUE, GREY = (0, 87, 194), (110, 110, 110)
 
 
 @pytest.fixture
-def server(monkeypatch: pytest.MonkeyPatch) -> Iterator[SlowServer]:
-    for name in ("OPENAI_API_KEY", "OPENAI_BASE_URL"):
-        monkeypatch.delenv(name, raising=False)
+def server(no_openai_key: None) -> Iterator[SlowServer]:
     with slow_server(Pace()) as server:
         yield server
 

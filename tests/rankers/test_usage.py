@@ -28,10 +28,7 @@ FULL = Usage(requests=1, input=900, cached_input=512, output=80)
 ALL = answer(*GOOD)
 
 
-@pytest.fixture(autouse=True)
-def _no_key(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("OPENAI_API_KEY", "OPENAI_BASE_URL"):
-        monkeypatch.delenv(name, raising=False)
+pytestmark = pytest.mark.usefixtures("no_openai_key")
 
 
 def in_one_body(usage: object) -> Play:

@@ -14,6 +14,7 @@ from urllib.parse import parse_qs, urlsplit
 
 import pytest
 
+from loopback import serving
 from sandra.errors import SettingsError
 from sandra.scene import load
 from sandra.scene.weather import KEPT_PROBLEM, OpenWeatherMap, Weather
@@ -51,14 +52,9 @@ class Server(ThreadingHTTPServer):
 
 @pytest.fixture
 def server() -> Iterator[Server]:
-    server = Server()
-    thread = threading.Thread(target=server.serve_forever, args=(0.01,), daemon=True)
-    thread.start()
-    yield server
-    server.stopping.set()
-    server.shutdown()
-    server.server_close()
-    thread.join()
+    with serving(Server()) as server:
+        yield server
+        server.stopping.set()
 
 
 def says(body: object, status: int = 200, **headers: str) -> Callable[[Handler], None]:

@@ -22,17 +22,13 @@ pytest.importorskip("highway_env")
 
 ITEMS = tuple(Experience(f"situation {i}", "1 IDLE: go on", f"{i}\n#### {i % 5}") for i in range(6))
 
+pytestmark = pytest.mark.usefixtures("no_openai_key")
+
 
 @pytest.fixture
 def server() -> Iterator[ModelServer]:
     with model_server() as server:
         yield server
-
-
-@pytest.fixture(autouse=True)
-def _no_key(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("OPENAI_API_KEY", "OPENAI_BASE_URL"):
-        monkeypatch.delenv(name, raising=False)
 
 
 @pytest.fixture(scope="module")
