@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import gc
 import json
+import warnings
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 
 import pytest
 
 from chat_server import chat_server
 from hostile_server import body, whole
+from loopback import serving
 from sandra.describe import describe
 from sandra.errors import RankerError
 from sandra.rankers import Failure, create
@@ -139,3 +143,35 @@ def test_whatever_responses_says_is_taken_without_an_exception(
     take(data, reply)
     assert reply.failure is failure
     assert reply.text == ""
+
+
+class KeepsOpen(BaseHTTPRequestHandler):
+    """Answers, and waits for the next request on the same connection."""
+
+    protocol_version = "HTTP/1.1"
+
+    def log_message(self, *args: object) -> None:
+        """Silent."""
+
+    def do_POST(self) -> None:
+        self.rfile.read(int(self.headers["content-length"]))
+        choice = {"message": {"content": ANSWER}, "finish_reason": "stop"}
+        data = json.dumps({"choices": [choice]}).encode()
+        self.send_response(200)
+        self.send_header("content-type", "application/json")
+        self.send_header("content-length", str(len(data)))
+        self.end_headers()
+        self.wfile.write(data)
+
+
+def test_a_ranker_that_is_gone_leaves_no_connection_open() -> None:
+    server = ThreadingHTTPServer(("127.0.0.1", 0), KeepsOpen)
+    server.daemon_threads = True
+    with serving(server):
+        ranker = create("openai:m", base_url=f"http://127.0.0.1:{server.server_port}/v1")
+        assert ranker.rank(PROMPT).failure is None
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            del ranker
+            gc.collect()
+    assert [str(w.message) for w in caught if w.category is ResourceWarning] == []

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import time
+import weakref
 from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -88,13 +89,16 @@ def client_for(base_url: str | None, server: str = "OPENAI") -> openai.OpenAI:
         follow_redirects=False, event_hooks={"response": [_bounded]}, timeout=None
     )
     # Retries and the deadline are kept here: the library's are per attempt.
-    return openai.OpenAI(
+    client = openai.OpenAI(
         api_key=key or NO_KEY,
         base_url=address,
         max_retries=0,
         http_client=http,
         default_headers={"Accept-Encoding": "identity"},
     )
+    # The library closes the connections of its own clients when they go, not those it is given.
+    weakref.finalize(client, http.close).atexit = False
+    return client
 
 
 def problem_of(error: openai.APIError, client: openai.OpenAI) -> Problem:
