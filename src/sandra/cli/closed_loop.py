@@ -7,8 +7,22 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sandra.cli.options import add_server, add_workers, command, prices_of, workers_of
-from sandra.cli.output import print_json, progress
+from sandra.cli.options import (
+    add_format,
+    add_server,
+    add_workers,
+    command,
+    prices_of,
+    workers_of,
+)
+from sandra.cli.output import (
+    finite,
+    print_json,
+    progress,
+    tables_in,
+    tell_written,
+    write_files,
+)
 from sandra.errors import SandraError
 
 if TYPE_CHECKING:
@@ -83,12 +97,7 @@ def add(actions: Any) -> None:
         metavar="FOLDER",
         help="run folders, and the table as table.md, .tex, .csv and .json",
     )
-    parser.add_argument(
-        "--format",
-        choices=("markdown", "latex", "csv"),
-        default="markdown",
-        help="of what is printed",
-    )
+    add_format(parser)
     parser.add_argument(
         "--figures",
         action="store_true",
@@ -139,7 +148,7 @@ def _closed_loop(arguments: argparse.Namespace) -> int:
             print(sheet.text(arguments.format))
         for ranker, usage in usages.items():
             print(f"cost of {ranker}: {told(usage, ranker, prices)}", file=sys.stderr)
-        print("written: " + ", ".join(map(str, written)), file=sys.stderr)
+        tell_written(written)
     for words in table.broken:
         print(f"broke off: {words}", file=sys.stderr)
     return 1 if table.broken else 0
@@ -193,23 +202,9 @@ def rows_of(arguments: argparse.Namespace) -> tuple[Row, ...]:
 def _write(table: Table, out: Path) -> list[Path]:
     import json
 
-    from sandra.cli.output import finite
-    from sandra.evaluation.closed_loop.sheet import FORMATS
-
-    files = {
-        out / f"{name}.{ending}": sheet.text(form)
-        for form, ending in FORMATS.items()
-        for name, sheet in (("table", table.main()), ("beside", table.beside()))
-    }
+    files = tables_in(out, {"table": table.main(), "beside": table.beside()})
     files[out / "table.json"] = json.dumps(finite(table.to_dict()), indent=1) + "\n"
-    try:
-        for file, text in files.items():
-            file.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise SandraError(
-            f"{out}: cannot be written ({error.strerror}); choose another --out"
-        ) from None
-    return list(files)
+    return write_files(out, files)
 
 
 def _draw(table: Table, out: Path) -> list[Path]:

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sandra.cli.options import add_workers, command, path_of, settings_of, workers_of
-from sandra.cli.output import print_json, progress
+from sandra.cli.options import add_format, add_workers, command, path_of, settings_of, workers_of
+from sandra.cli.output import print_json, progress, tables_in, tell_written, write_files
 from sandra.errors import SandraError
 
 if TYPE_CHECKING:
@@ -42,12 +41,7 @@ def add(commands: Any) -> None:
         help="labels.csv and labels.jsonl, the distribution as .md, .tex, .csv, and what is needed "
         "to go on after a break",
     )
-    parser.add_argument(
-        "--format",
-        choices=("markdown", "latex", "csv"),
-        default="markdown",
-        help="of the distribution that is printed",
-    )
+    add_format(parser, "of the distribution that is printed")
     parser.add_argument("--json", action="store_true", help="print one JSON object with all rows")
     parser.set_defaults(run=_label)
 
@@ -145,26 +139,12 @@ def _label(arguments: argparse.Namespace) -> int:
     else:
         for sheet in found.sheets().values():
             print(sheet.text(arguments.format))
-        if written:
-            print("written: " + ", ".join(map(str, written)), file=sys.stderr)
+        tell_written(written)
     return 1 if found.errors else 0
 
 
 def _write(found: Labels, out: Path) -> list[Path]:
-    from sandra.evaluation.closed_loop.sheet import FORMATS
-
     files = {out / "labels.csv": found.csv(), out / "labels.jsonl": found.jsonl()}
-    files |= {
-        out / f"{name}.{ending}": sheet.text(form)
-        for name, sheet in found.sheets().items()
-        for form, ending in FORMATS.items()
-    }
+    files |= tables_in(out, found.sheets())
     files[out / "summary.json"] = json.dumps(found.summary(), indent=1) + "\n"
-    try:
-        for file, text in files.items():
-            file.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise SandraError(
-            f"{out}: cannot be written ({error.strerror}); choose another --out"
-        ) from None
-    return list(files)
+    return write_files(out, files)

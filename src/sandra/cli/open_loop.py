@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sandra.cli.label import add_choice, add_scenarios, choice_of, files_of
-from sandra.cli.options import add_workers, command, settings_of, workers_of
-from sandra.cli.output import print_json, progress
+from sandra.cli.options import add_format, add_workers, command, settings_of, workers_of
+from sandra.cli.output import print_json, progress, tell_written, write_files
 from sandra.cli.rankings import write_tables
 from sandra.errors import SandraError
 
@@ -85,12 +84,7 @@ def add(actions: Any) -> None:
         metavar="FOLDER",
         help="rows.jsonl, rankings.csv, the tables as .md, .tex, .csv, and scores.json",
     )
-    parser.add_argument(
-        "--format",
-        choices=("markdown", "latex", "csv"),
-        default="markdown",
-        help="of what is printed",
-    )
+    add_format(parser)
     parser.add_argument(
         "--figures",
         action="store_true",
@@ -128,7 +122,7 @@ def _open_loop(arguments: argparse.Namespace) -> int:
         for sheet in (*found.report.sheets().values(), found.nothing_verified()):
             if sheet.rows:
                 print(sheet.text(arguments.format))
-        print("written: " + ", ".join(map(str, written)), file=sys.stderr)
+        tell_written(written)
     return 1 if found.errors else 0
 
 
@@ -169,14 +163,7 @@ def conditions_of(arguments: argparse.Namespace) -> Conditions:
 
 def _write(found: OpenLoop, out: Path) -> list[Path]:
     files = {out / "rows.jsonl": found.jsonl(), out / "rankings.csv": found.rankings_csv()}
-    try:
-        for file, text in files.items():
-            file.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise SandraError(
-            f"{out}: cannot be written ({error.strerror}); choose another --out"
-        ) from None
-    return [*files, *write_tables(found.report, out)]
+    return [*write_files(out, files), *write_tables(found.report, out)]
 
 
 def _draw(found: OpenLoop, out: Path) -> list[Path]:

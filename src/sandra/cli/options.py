@@ -124,6 +124,13 @@ def prices_of(arguments: argparse.Namespace) -> dict[str, Price]:
     return load_prices(arguments.prices) if arguments.prices else {}
 
 
+def add_format(parser: argparse.ArgumentParser, of_what: str = "of what is printed") -> None:
+    """Of the tables on stdout."""
+    parser.add_argument(
+        "--format", choices=("markdown", "latex", "csv"), default="markdown", help=of_what
+    )
+
+
 def add_workers(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--workers",

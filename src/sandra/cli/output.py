@@ -4,7 +4,14 @@ from __future__ import annotations
 
 import json
 import sys
-from typing import Any
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from sandra.errors import SandraError
+
+if TYPE_CHECKING:
+    from sandra.evaluation.sheet import Sheet
 
 
 def figure_of(subject: Any, path: str | None) -> str | None:
@@ -14,6 +21,40 @@ def figure_of(subject: Any, path: str | None) -> str | None:
     drawn = str(subject.figure(path))
     progress("")
     return drawn
+
+
+def tables_in(out: Path, sheets: Mapping[str, Sheet]) -> dict[Path, str]:
+    """By file in a folder, the text of each sheet in each format."""
+    from sandra.evaluation.sheet import FORMATS
+
+    return {
+        out / f"{name}.{ending}": sheet.text(form)
+        for form, ending in FORMATS.items()
+        for name, sheet in sheets.items()
+    }
+
+
+def write_files(out: Path, files: Mapping[Path, str]) -> list[Path]:
+    """Write texts into a folder, which is made if need be.
+
+    Raises:
+        SandraError: if one cannot be written.
+    """
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        for file, text in files.items():
+            file.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise SandraError(
+            f"{out}: cannot be written ({error.strerror}); choose another --out"
+        ) from None
+    return list(files)
+
+
+def tell_written(files: Sequence[Path]) -> None:
+    """On stderr, if there are any."""
+    if files:
+        print("written: " + ", ".join(map(str, files)), file=sys.stderr)
 
 
 def progress(stage: str) -> None:

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sandra.cli.options import command
-from sandra.cli.output import finite, print_json
-from sandra.errors import SandraError
+from sandra.cli.options import add_format, command
+from sandra.cli.output import finite, print_json, tables_in, tell_written, write_files
 
 if TYPE_CHECKING:
     from sandra.evaluation.open_loop.report import Report
@@ -48,12 +46,7 @@ def add(actions: Any) -> None:
 
 
 def add_output(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--format",
-        choices=("markdown", "latex", "csv"),
-        default="markdown",
-        help="of what is printed",
-    )
+    add_format(parser)
     parser.add_argument(
         "--out", metavar="FOLDER", help="write the tables as .md, .tex, .csv, and scores.json"
     )
@@ -85,25 +78,10 @@ def tell(found: Report, arguments: argparse.Namespace) -> None:
         return
     for sheet in found.sheets().values():
         print(sheet.text(arguments.format))
-    if written:
-        print("written: " + ", ".join(map(str, written)), file=sys.stderr)
+    tell_written(written)
 
 
 def write_tables(found: Report, out: Path) -> list[Path]:
-    from sandra.evaluation.closed_loop.sheet import FORMATS
-
-    files = {
-        out / f"{name}.{ending}": sheet.text(form)
-        for name, sheet in found.sheets().items()
-        for form, ending in FORMATS.items()
-    }
+    files = tables_in(out, found.sheets())
     files[out / "scores.json"] = json.dumps(finite(found.to_dict()), indent=1) + "\n"
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        for file, text in files.items():
-            file.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise SandraError(
-            f"{out}: cannot be written ({error.strerror}); choose another --out"
-        ) from None
-    return list(files)
+    return write_files(out, files)

@@ -12,8 +12,8 @@ from sandra.evaluation.closed_loop import OURS, PAPER
 from sandra.evaluation.closed_loop.drive import Drive
 from sandra.evaluation.closed_loop.paper import TABLE, printed
 from sandra.evaluation.closed_loop.rows import all_rows, selected
-from sandra.evaluation.closed_loop.sheet import Sheet
 from sandra.evaluation.closed_loop.table import counted, tabulate
+from sandra.evaluation.sheet import Sheet
 from sandra.settings import Assumptions
 
 pytest.importorskip("highway_env")

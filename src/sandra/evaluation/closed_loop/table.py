@@ -34,7 +34,7 @@ from sandra.evaluation.closed_loop.metrics import (
 )
 from sandra.evaluation.closed_loop.paper import TABLE
 from sandra.evaluation.closed_loop.rows import Row
-from sandra.evaluation.closed_loop.sheet import Sheet
+from sandra.evaluation.sheet import Sheet
 from sandra.evaluation.workers import Broken, in_order
 from sandra.rankers import Usage, total
 

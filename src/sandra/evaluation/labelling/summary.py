@@ -12,7 +12,7 @@ from typing import Any
 
 from sandra.actions import ALL_PAIRS, Lateral, Longitudinal
 from sandra.evaluation.closed_loop.metrics import wilson
-from sandra.evaluation.closed_loop.sheet import Sheet
+from sandra.evaluation.sheet import Sheet
 
 UNKNOWN = "unknown"
 ERROR = "error"

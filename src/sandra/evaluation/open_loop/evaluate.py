@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any
 
 from sandra.actions import ALL_PAIRS, ActionPair
-from sandra.evaluation.closed_loop.sheet import Sheet
 from sandra.evaluation.journal import Journal
 from sandra.evaluation.labelling.batch import Choice, fingerprint
 from sandra.evaluation.labelling.summary import UNKNOWN
@@ -25,6 +24,7 @@ from sandra.evaluation.open_loop.records import Recorded
 from sandra.evaluation.open_loop.report import Report, report
 from sandra.evaluation.open_loop.scores import KS, Case
 from sandra.evaluation.open_loop.setups import Conditions, Setup, ablations
+from sandra.evaluation.sheet import Sheet
 from sandra.evaluation.workers import Broken, in_order
 
 Row = dict[str, Any]

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from sandra.errors import SandraError
-from sandra.evaluation.closed_loop.sheet import Sheet
 from sandra.evaluation.open_loop.baselines import answers
 from sandra.evaluation.open_loop.records import Recorded, labels_of, read_rankings, read_verdicts
 from sandra.evaluation.open_loop.scores import KS, Case, Rate, Score, by_action, score
+from sandra.evaluation.sheet import Sheet
 
 NOT_KNOWN = "-"
 
