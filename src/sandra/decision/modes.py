@@ -55,10 +55,7 @@ def rank_first(
     with clock.stage("plan"):
         if not waiting.done:
             judge.fail_safe_now()
-    early = _as_it_is_written(judge, asked, prompt, waiting, clock)
-    clock.tell("rank")
-    ranking = waiting.result()
-    clock.durations["rank"] = waiting.duration
+    ranking, early = _answer(judge, asked, prompt, waiting, clock)
     verdicts = _walk(judge, ranking.pairs, walk, clock, early)
     return Walked(prompt, ranking, verdicts, judge)
 
@@ -82,10 +79,7 @@ def repair(
     if again is None or left <= 0.0:
         return first
     asked, waiting = _put(ranker, again, left)
-    early = _as_it_is_written(first.judge, asked, again, waiting, clock)
-    clock.tell("rank")
-    ranking = waiting.result()
-    clock.durations["rank"] += waiting.duration
+    ranking, early = _answer(first.judge, asked, again, waiting, clock)
     usage = total((first.ranking.usage, ranking.usage))
     told = "; ".join(map(str, first.ranking.pairs)) or "the first answer could not be used"
     why = f"{told}: none holds" if first.ranking.pairs else told
@@ -183,6 +177,21 @@ def _put(
         return ranker.rank(prompt, seconds) if asked is None else asked.ranking(prompt)
 
     return asked, Meanwhile(ranking, ranker.name)
+
+
+def _answer(
+    judge: Judge,
+    asked: Asking | None,
+    prompt: Prompt,
+    waiting: Meanwhile[Ranking],
+    clock: Clock,
+) -> tuple[Ranking, Early]:
+    """The ranking, waited for, and verdicts that were found while it was written."""
+    early = _as_it_is_written(judge, asked, prompt, waiting, clock)
+    clock.tell("rank")
+    ranking = waiting.result()
+    clock.durations["rank"] += waiting.duration
+    return ranking, early
 
 
 def _as_it_is_written(

@@ -7,6 +7,7 @@ import math
 import re
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from sandra.actions import ActionPair
 from sandra.describe.types import Prompt
@@ -78,29 +79,14 @@ def create(
             imported.
     """
     kind, colon, rest = spec.strip().partition(":")
+    asked: dict[str, Any] = {"deadline": deadline, "temperature": temperature, "seed": seed}
+    served = {**asked, "base_url": base_url, "cache": cache, "max_concurrent": max_concurrent}
     if kind in SERVERS and colon:
-        return server_ranker(
-            kind,
-            rest,
-            base_url=base_url,
-            deadline=deadline,
-            cache=cache,
-            max_concurrent=max_concurrent,
-            temperature=temperature,
-            seed=seed,
-        )
+        return server_ranker(kind, rest, **served)
     if kind == "dilu" and colon:
-        return dilu_ranker(
-            rest,
-            base_url=base_url,
-            deadline=deadline,
-            cache=cache,
-            max_concurrent=max_concurrent,
-            temperature=temperature,
-            seed=seed,
-        )
+        return dilu_ranker(rest, **served)
     if kind in LOCAL and colon:
-        return local_ranker(kind, rest, deadline=deadline, temperature=temperature, seed=seed)
+        return local_ranker(kind, rest, **asked)
     if kind == "random":
         return RandomRanker(_seed(rest) if colon else seed or 0)
     if kind == "replay" and rest:

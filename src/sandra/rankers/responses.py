@@ -6,40 +6,33 @@ Nothing is kept at the server (`store` is false).
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from typing import Any
 
-from sandra.rankers.answer import MAX_ANSWER
 from sandra.rankers.endpoint import Content, Endpoint, Question
-from sandra.rankers.stream import MAX_REFUSAL, Reply
+from sandra.rankers.stream import Reply, decoded
 from sandra.rankers.types import Failure
 from sandra.rankers.usage import told_by_server
 
 
-def take(data: bytes, reply: Reply) -> None:
+@decoded
+def take(body: Any, reply: Reply) -> None:
     """Take one event of a stream, or one whole response."""
-    try:
-        body = json.loads(data)
-    except (ValueError, RecursionError):
-        if not reply.ended_early:
-            reply.failure, reply.detail = Failure.MALFORMED, "the server did not send JSON"
-        return
     if not isinstance(body, dict):
         body = {}
     kind = body.get("type")
     if kind == "error" or (kind is None and body.get("error")):
-        _fail(body.get("error") or body, reply)
+        reply.fail(body.get("error") or body)
     elif kind == "response.output_text.delta":
-        _add(body.get("delta"), reply)
+        reply.add(body.get("delta"))
     elif kind == "response.refusal.delta":
-        _refuse(body.get("delta"), reply)
+        reply.refuse(body.get("delta"))
     elif kind in ("response.completed", "response.incomplete", "response.failed"):
         _end(body.get("response"), reply)
     elif kind is None and body.get("object") == "response":
         for part in _parts(body):
-            _add(part.get("text") if part.get("type") == "output_text" else None, reply)
-            _refuse(part.get("refusal") if part.get("type") == "refusal" else None, reply)
+            reply.add(part.get("text") if part.get("type") == "output_text" else None)
+            reply.refuse(part.get("refusal") if part.get("type") == "refusal" else None)
         _end(body, reply)
     elif not isinstance(kind, str):
         reply.failure, reply.detail = Failure.MALFORMED, "the server sent no response"
@@ -51,7 +44,7 @@ def _end(response: Any, reply: Reply) -> None:
         return
     reply.usage = told_by_server(response.get("usage")) or reply.usage
     if response.get("error"):
-        _fail(response["error"], reply)
+        reply.fail(response["error"])
     why = response.get("incomplete_details")
     reason = why.get("reason") if isinstance(why, dict) else None
     finishes = {"max_output_tokens": "length", "content_filter": "content_filter"}
@@ -66,24 +59,6 @@ def _parts(response: dict[str, Any]) -> Iterator[dict[str, Any]]:
         for part in content if isinstance(content, list) else []:
             if isinstance(part, dict):
                 yield part
-
-
-def _add(text: Any, reply: Reply) -> None:
-    if isinstance(text, str):
-        reply.pieces.append(text[: MAX_ANSWER + 1 - reply.length])
-        reply.length += len(text)
-        reply.ended_early = reply.ended_early or reply.length > MAX_ANSWER
-
-
-def _refuse(text: Any, reply: Reply) -> None:
-    if isinstance(text, str) and text:
-        reply.refusal.append(text[: MAX_REFUSAL - sum(map(len, reply.refusal))])
-
-
-def _fail(error: Any, reply: Reply) -> None:
-    words = error.get("message") if isinstance(error, dict) else error
-    detail = words if isinstance(words, str) else "an error without words"
-    reply.failure, reply.detail = Failure.SERVER_ERROR, reply.hide(detail)
 
 
 def _content(content: Content) -> Content:

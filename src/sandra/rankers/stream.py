@@ -58,6 +58,24 @@ class Reply:
         """The words of a refusal so far."""
         return self.hide("".join(self.refusal))
 
+    def add(self, text: Any) -> None:
+        """More of the answer, if it is text; too much ends the reply."""
+        if isinstance(text, str):
+            self.pieces.append(text[: MAX_ANSWER + 1 - self.length])
+            self.length += len(text)
+            self.ended_early = self.ended_early or self.length > MAX_ANSWER
+
+    def refuse(self, text: Any) -> None:
+        """More of a refusal, if it is text."""
+        if isinstance(text, str) and text:
+            self.refusal.append(text[: MAX_REFUSAL - sum(map(len, self.refusal))])
+
+    def fail(self, error: Any) -> None:
+        """The server says that it went wrong, in a text or an object with a message."""
+        words = error.get("message") if isinstance(error, dict) else error
+        detail = words if isinstance(words, str) else "an error without words"
+        self.failure, self.detail = Failure.SERVER_ERROR, self.hide(detail)
+
     @property
     def whole(self) -> bool:
         """Whether the model came to its end by itself."""
@@ -137,19 +155,26 @@ def _events(blocks: Iterable[bytes], reply: Reply) -> Iterator[bytes]:
         yield line[5:].strip()
 
 
-def _take(data: bytes, reply: Reply) -> None:
+def decoded(take: Callable[[Any, Reply], None]) -> Callable[[bytes, Reply], None]:
+    """Takes JSON: what is none is a failure, unless it was cut off."""
+
+    def take_bytes(data: bytes, reply: Reply) -> None:
+        try:
+            body = json.loads(data)
+        except (ValueError, RecursionError):
+            if not reply.ended_early:
+                reply.failure, reply.detail = Failure.MALFORMED, "the server did not send JSON"
+            return
+        take(body, reply)
+
+    return take_bytes
+
+
+@decoded
+def _take(body: Any, reply: Reply) -> None:
     """Take one chunk of a stream, or one whole body."""
-    try:
-        body = json.loads(data)
-    except (ValueError, RecursionError):
-        if not reply.ended_early:
-            reply.failure, reply.detail = Failure.MALFORMED, "the server did not send JSON"
-        return
     if isinstance(body, dict) and body.get("error"):
-        error = body["error"]
-        words = error.get("message") if isinstance(error, dict) else error
-        detail = words if isinstance(words, str) else "an error without words"
-        reply.failure, reply.detail = Failure.SERVER_ERROR, reply.hide(detail)
+        reply.fail(body["error"])
         return
     if isinstance(body, dict):
         reply.usage = told_by_server(body.get("usage")) or reply.usage
@@ -161,17 +186,11 @@ def _take(data: bytes, reply: Reply) -> None:
         return
     message = choice.get("delta") or choice.get("message") or {}
     if isinstance(message, dict):
-        content, refusal = message.get("content"), message.get("refusal")
-        if isinstance(content, str):
-            reply.pieces.append(content[: MAX_ANSWER + 1 - reply.length])
-            reply.length += len(content)
-        if isinstance(refusal, str) and refusal:
-            reply.refusal.append(refusal[: MAX_REFUSAL - sum(map(len, reply.refusal))])
+        reply.add(message.get("content"))
+        reply.refuse(message.get("refusal"))
     finish = choice.get("finish_reason")
     if isinstance(finish, str):
         reply.finish = finish
-    if reply.length > MAX_ANSWER:
-        reply.ended_early = True
 
 
 def _first_choice(body: Any) -> dict[str, Any] | None:

@@ -13,14 +13,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from sandra.certify import Basis, Proven
 from sandra.decider import Carried, Operation
 from sandra.evaluation.closed_loop.breaches import Breach, breaches, states_of
 from sandra.planning import Trajectory
 from sandra.planning.surroundings import Surroundings
-from sandra.scene.types import Scene
+from sandra.scene.types import Obstacle, Scene
 from sandra.settings import Settings
 from sandra.simulation.episode import Episode, Step
 from sandra.simulation.meta import Meta
@@ -102,22 +101,21 @@ def before_collision(
             hit = Breach("no_rear_end", partner, tick * scene.dt, closing, 0.0, "m/s")
             found = (*(b for b in found if b.assumption != "no_rear_end"), hit)
     if episode.steps[since].operation in MADE and tick >= 1:
-        speed = abs(float(_partner(scene, partner)[tick - 1, 3]))
+        speed = abs(float(states_of(_vehicle(scene, partner))[tick - 1, 3]))
         if episode.recording.ego[tick - 1, 3] <= STANDS < speed:
             hit = Breach(SPARES_STANDING, partner, tick * scene.dt, speed, 0.0, "m/s")
             found = (*found, hit)
     return since, found
 
 
-def _partner(scene: Scene, number: int) -> NDArray[np.float64]:
-    """(n, 5) of the vehicle with this id."""
-    return states_of(next(o for o in scene.obstacles if o.id == number))
+def _vehicle(scene: Scene, number: int) -> Obstacle:
+    return next(o for o in scene.obstacles if o.id == number)
 
 
 def from_behind(scene: Scene, other: int, tick: int) -> float | None:
     """Closing speed [m/s] if a vehicle was behind the ego, in its way, a tick before; else None."""
     rows = scene.recorded_ego
-    o = next(o for o in scene.obstacles if o.id == other)
+    o = _vehicle(scene, other)
     if tick < 1 or rows is None:
         return None
     mine, theirs = rows[tick - 1], states_of(o)[tick - 1]
