@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from sandra.cli import finetune_openai
+from sandra.cli import finetune_lora, finetune_openai
 from sandra.cli.options import command
 
 
@@ -16,4 +16,5 @@ def add(commands: Any) -> None:
         "sandra finetune openai data.jsonl --model MODEL --out runs/tuned",
     )
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
+    finetune_lora.add(actions)
     finetune_openai.add(actions)

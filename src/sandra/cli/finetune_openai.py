@@ -139,13 +139,12 @@ def _watch(hosted: Hosted, provider: Provider, arguments: argparse.Namespace) ->
 
 
 def _draw(hosted: Hosted) -> None:
-    from sandra.learn.tuning.curve import write_curve
-    from sandra.view.loss import loss_figure
+    from sandra.view.learning import learning_figure
 
-    points = hosted.losses()
-    if points:
-        write_curve(points, hosted.out / "loss.csv")
-        loss_figure(points, hosted.out / "loss.svg")
+    curve = hosted.losses()
+    if curve.training or curve.validation:
+        curve.write(hosted.out / "loss.csv")
+        learning_figure(curve, hosted.out / "loss.png")
 
 
 def _end(hosted: Hosted, job: Job, as_json: bool) -> int:

@@ -95,9 +95,14 @@ def test_from_rows_to_a_ranker(
 
     with (tmp_path / "run" / "loss.csv").open() as file:
         curve = list(csv.DictReader(file))
-    assert [(p["step"], float(p["train"])) for p in curve] == [("1", 1.0), ("2", 0.5)]
-    assert float(curve[1]["validation"]) == pytest.approx(0.55)
-    assert (tmp_path / "run" / "loss.svg").stat().st_size > 1000
+    found = {(p["split"], int(p["step"])): float(p["loss"]) for p in curve}
+    assert found == {
+        ("training", 1): 1.0,
+        ("training", 2): 0.5,
+        ("validation", 1): 1.1,
+        ("validation", 2): 0.55,
+    }
+    assert (tmp_path / "run" / "loss.png").stat().st_size > 1000
     assert [path.name for path in (tmp_path / "run").glob(".*")] == []
 
 

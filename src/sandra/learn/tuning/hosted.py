@@ -22,7 +22,7 @@ from pydantic import BaseModel, ValidationError
 from sandra.errors import SandraError
 from sandra.learn.export import LEAST_EXAMPLES, Exported, export
 from sandra.learn.rows import Row
-from sandra.learn.tuning.curve import Point
+from sandra.learn.tuning.curve import Curve
 from sandra.learn.tuning.order import Estimate, Order, usual_passes
 from sandra.learn.tuning.provider import Event, Job, Provider
 from sandra.rankers.usage import Price
@@ -157,16 +157,19 @@ class Hosted:
         except ValidationError:
             raise SandraError(f"{file}: is no list of events of ours; remove it") from None
 
-    def losses(self) -> list[Point]:
-        """Of the steps that were told of, as far as their numbers were."""
-        found = []
+    def losses(self) -> Curve:
+        """What was told of the loss, step by step."""
+        log = []
         for event in self.events():
-            step, train = event.number("step"), event.number("train_loss")
-            whole = event.number("full_valid_loss")
-            validation = event.number("valid_loss") if whole is None else whole
-            if step is not None and (train is not None or validation is not None):
-                found.append(Point(round(step), train, validation))
-        return sorted(found, key=lambda point: point.step)
+            numbers = {
+                "step": event.number("step"),
+                "loss": event.number("train_loss"),
+                # Of all held-out rows where that is told, else of a batch of them.
+                "eval_loss": event.number("full_valid_loss") or event.number("valid_loss"),
+            }
+            if numbers["step"] is not None:
+                log.append({name: value for name, value in numbers.items() if value is not None})
+        return Curve.of(sorted(log, key=lambda entry: entry["step"]))
 
     def _new_events(self, provider: Provider, number: str) -> list[Event]:
         known = {event.id for event in self.events()}
