@@ -104,7 +104,7 @@ def _run(arguments: argparse.Namespace) -> int:
     )
     progress("")
     tuned.curve.write(out / "loss.csv")
-    learning_figure(tuned.curve, out / "loss.png")
+    learning_figure(tuned.curve, out / "loss.png", per="token")
     before, after = (
         _measured(ranker, validation, arguments) for ranker in (f"hf:{tuned.model}", tuned.ranker)
     )

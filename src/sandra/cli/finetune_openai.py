@@ -144,7 +144,7 @@ def _draw(hosted: Hosted) -> None:
     curve = hosted.losses()
     if curve.training or curve.validation:
         curve.write(hosted.out / "loss.csv")
-        learning_figure(curve, hosted.out / "loss.png")
+        learning_figure(curve, hosted.out / "loss.png", per="token")
 
 
 def _end(hosted: Hosted, job: Job, as_json: bool) -> int:

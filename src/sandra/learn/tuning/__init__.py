@@ -1,1 +1,1 @@
-"""Models are trained on rows of prompt and ranking: here, or at a provider's."""
+"""Training of language models on rows of prompt and ranking (`sandra finetune`)."""
