@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from sandra.cli import finetune_lora, finetune_openai
+from sandra.cli import finetune_export, finetune_lora, finetune_openai
 from sandra.cli.dataset import bar
 from sandra.cli.options import command
 from sandra.cli.output import print_json, progress
@@ -26,6 +26,7 @@ def add(commands: Any) -> None:
     _add_scratch(actions)
     finetune_lora.add(actions)
     finetune_openai.add(actions)
+    finetune_export.add(actions)
 
 
 def _add_scratch(actions: Any) -> None:

@@ -131,8 +131,8 @@ def tune(
         package(name)
     with _quiet():
         folder = Folder(model, device=device)
-        examples, too_long = _fitting(train, folder.tokenizer, recipe)
-        held, _ = _fitting(validation, folder.tokenizer, recipe)
+        examples, too_long = fitting(train, folder.tokenizer, recipe)
+        held, _ = fitting(validation, folder.tokenizer, recipe)
         if not examples:
             raise SandraError(
                 f"all {too_long} rows have more than {recipe.max_length} tokens; raise --max-length"
@@ -165,9 +165,11 @@ def fingerprint(model: Path) -> str:
     """SHA-256 over configuration, tokenizer and weights of a folder.
 
     Raises:
-        SandraError: if it cannot be read.
+        SandraError: if it holds no model, or cannot be read.
     """
     found = hashlib.sha256()
+    if not (model / "config.json").is_file():
+        raise SandraError(f"{model} is no folder with a file config.json; name a model in a folder")
     names = ("config.json", "tokenizer.json", "chat_template.jinja")
     try:
         for file in [*(model / name for name in names), *sorted(model.glob("*.safetensors"))]:
@@ -206,14 +208,14 @@ def _begin(out: Path, wanted: dict[str, Any]) -> None:
         )
 
 
-def _fitting(rows: Sequence[Row], tokenizer: Any, recipe: Recipe) -> tuple[list[Example], int]:
+def fitting(rows: Sequence[Row], tokenizer: Any, recipe: Recipe) -> tuple[list[Example], int]:
     """Those that are short enough, and how many are not: a cut prompt is another prompt."""
     found = [example(row, tokenizer) for row in rows]
     short = [each for each in found if len(each.tokens) <= recipe.max_length]
     return short, len(found) - len(short)
 
 
-def _columns(examples: Sequence[Example], loss: str) -> dict[str, list[list[int]]]:
+def columns(examples: Sequence[Example], loss: str) -> dict[str, list[list[int]]]:
     """As TRL takes tokens: what is read, and what is to be said."""
     labels = []
     for each in examples:
@@ -273,8 +275,8 @@ def _trainer(
     trainer = trl.SFTTrainer(
         model=folder.model,
         args=settings,
-        train_dataset=datasets.Dataset.from_dict(_columns(examples, recipe.loss)),
-        eval_dataset=datasets.Dataset.from_dict(_columns(held, recipe.loss)) if held else None,
+        train_dataset=datasets.Dataset.from_dict(columns(examples, recipe.loss)),
+        eval_dataset=datasets.Dataset.from_dict(columns(held, recipe.loss)) if held else None,
         processing_class=folder.tokenizer,
         peft_config=adapter,
     )
