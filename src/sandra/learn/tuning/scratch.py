@@ -3,7 +3,7 @@
     OUT/model/        config.json, model.safetensors, tokenizer.json, chat_template.jinja, ...
     OUT/recipe.json   what is asked for; a run is only gone on with under the same recipe
     OUT/checkpoints/  of the trainer: an interrupted run goes on at the last one
-    OUT/loss.csv      step, epoch, loss of training and of validation
+    OUT/loss.csv      step, split (training, validation), loss
 
 The loss is the cross-entropy of every token under a weight (`sandra.learn.tuning.examples`).
 """
@@ -19,14 +19,15 @@ from pathlib import Path
 from typing import Any
 
 from sandra.errors import SandraError, SettingsError
+from sandra.learn.rows import Row
 from sandra.learn.tuning.curve import Curve
 from sandra.learn.tuning.examples import conversation, digest, example, labelled
 from sandra.learn.tuning.model import Shape, new_model
 from sandra.learn.tuning.tokenizer import tokenizer_of
 from sandra.learn.tuning.trainer import Pace, Weighted, trained
 
-_MOST_READ = 6000
-"""Conversations that the tokenizer is made from."""
+_MOST_READ, _MOST_HELD = 4000, 256
+"""Conversations that the tokenizer is made from; of validation, that are measured beside."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,10 +86,10 @@ def from_scratch(
     _begin(out, {"recipe": recipe.to_dict(), "data": data})
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the libraries warn of each other
-        read = rows[:: max(1, len(rows) // _MOST_READ)]
-        tokenizer = tokenizer_of(map(conversation, read), recipe.shape.vocabulary)
+        read = map(conversation, _some(rows, _MOST_READ))
+        tokenizer = tokenizer_of(read, recipe.shape.vocabulary)
         train = [example(row, tokenizer) for row in rows]
-        validation = [example(row, tokenizer) for row in held]
+        validation = [example(row, tokenizer) for row in _some(held, _MOST_HELD)]
         model = new_model(recipe.shape, tokenizer, recipe.seed)
         begin = time.monotonic()
         curve = trained(
@@ -97,14 +98,13 @@ def from_scratch(
             [Weighted(e.tokens, e.weights(0.0)) for e in validation],
             recipe.pace,
             recipe.seed,
-            out / "checkpoints",
+            out,
             progress,
         )
         seconds = time.monotonic() - begin
         folder = out / "model"
         model.half().save_pretrained(folder)
         tokenizer.save_pretrained(folder)
-    curve.write(out / "loss.csv")
     return Trained(
         folder=folder,
         parameters=sum(p.numel() for p in model.parameters()),
@@ -114,6 +114,11 @@ def from_scratch(
         curve=curve,
         data=data,
     )
+
+
+def _some(rows: Sequence[Row], most: int) -> Sequence[Row]:
+    """Evenly spread."""
+    return rows[:: max(1, -(-len(rows) // most))]
 
 
 def _begin(out: Path, about: dict[str, Any]) -> None:

@@ -12,7 +12,7 @@ from sandra.errors import SettingsError
 from sandra.learn.tuning.curve import Curve
 from sandra.rankers.local.packages import package
 
-_POINTS, _CHECKPOINTS = 100, 20
+_POINTS, _CHECKPOINTS = 100, 10
 """Of a run: points of the curve of training; checkpoints and points of that of validation."""
 
 
@@ -57,12 +57,17 @@ def trained(
     validation: Sequence[Weighted],
     pace: Pace,
     seed: int,
-    checkpoints: Path,
+    out: Path,
     progress: Callable[[int, int, str], None],
 ) -> Curve:
-    """Train a model in place; goes on at the last checkpoint of the folder, if there is one."""
+    """Train a model in place; goes on at the last of `out/checkpoints`, if there is one.
+
+    `out/loss.csv` is written on the way.
+    """
+    checkpoints = out / "checkpoints"
     torch, transformers = package("torch"), package("transformers")
     transformers.utils.logging.set_verbosity_error()
+    transformers.utils.logging.disable_progress_bar()
     total = pace.total(len(train))
     every = max(1, total // _CHECKPOINTS)
 
@@ -80,7 +85,9 @@ def trained(
 
     class Tell(transformers.TrainerCallback):  # type: ignore[misc, name-defined, unused-ignore]
         def on_log(self, arguments: Any, state: Any, control: Any, **more: Any) -> None:
-            losses = [p["loss"] for p in state.log_history if "loss" in p]
+            curve = Curve.of(state.log_history)
+            curve.write(out / "loss.csv")
+            losses = [loss for _, loss in curve.training]
             progress(state.global_step, total, f"loss {losses[-1]:.3f}" if losses else "")
 
     def collate(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:

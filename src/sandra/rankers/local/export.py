@@ -15,8 +15,6 @@ from sandra.rankers.local.folder import Folder
 from sandra.rankers.local.packages import package
 
 ARCHITECTURE = "qwen3"
-SPLITS = {r"\p{N}+": "superbpe"}
-"""How llama.cpp calls what splits texts, by the first pattern of the tokenizer; else "qwen2"."""
 _NORMAL, _CONTROL, _USER = 1, 3, 4
 """Kinds of tokens in a GGUF file: text, never text (`<|im_end|>`), text that is never split."""
 
@@ -24,8 +22,8 @@ _NORMAL, _CONTROL, _USER = 1, 3, 4
 def to_gguf(folder: str | Path, path: str | Path) -> Path:
     """Write the model in `folder` to the file `path`, in 32-bit floats; returns `path`.
 
-    The tokenizer must be a byte-level BPE that splits texts as Qwen's does, or as one of
-    `sandra.learn.tuning.tokenizer`. The chat template goes along.
+    The tokenizer must be a byte-level BPE that splits texts as Qwen's does, or as SuperBPE's, which
+    `sandra finetune scratch` makes. The chat template goes along.
 
     Raises:
         RankerError: no such folder, another architecture, or a package that is not installed.
@@ -102,7 +100,7 @@ def _add_tokens(
         kinds.append(_CONTROL if special else _USER if number in added else _NORMAL)
     merges = tokenizer["model"]["merges"]
     writer.add_tokenizer_model("gpt2")
-    writer.add_tokenizer_pre(_split(tokenizer))
+    writer.add_tokenizer_pre("superbpe" if _spans_spaces(tokenizer) else "qwen2")
     writer.add_token_list(texts)
     writer.add_token_types(kinds)
     writer.add_token_merges([m if isinstance(m, str) else " ".join(m) for m in merges])
@@ -119,10 +117,13 @@ def _add_tokens(
         writer.add_chat_template(template.read_text(encoding="utf-8"))
 
 
-def _split(tokenizer: dict[str, Any]) -> str:
-    steps = (tokenizer.get("pre_tokenizer") or {}).get("pretokenizers") or [{}]
-    pattern = (steps[0].get("pattern") or {}).get("Regex", "")
-    return SPLITS.get(pattern, "qwen2")
+def _spans_spaces(tokenizer: dict[str, Any]) -> bool:
+    """Whether numbers are all that texts are split at: that is how llama.cpp splits "superbpe"."""
+    steps = (tokenizer.get("pre_tokenizer") or {}).get("pretokenizers", ())
+    return [step.get("pattern") for step in steps if step["type"] == "Split"] == [
+        {"Regex": r"\p{N}+"},
+        {"Regex": r"(?=(\d{3})+(?!\d))"},
+    ]
 
 
 def _add_tensors(writer: Any, gguf: Any, config: dict[str, Any], folder: Path) -> None:
