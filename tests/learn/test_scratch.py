@@ -128,7 +128,7 @@ def test_llama_cpp_splits_texts_alike(made: Path) -> None:
 
 def test_card_and_curve(made: Path, data: Path) -> None:
     card = json.loads((made / "card.json").read_text(encoding="utf-8"))
-    assert card["examples"] == 12
+    assert card["rows"] == 12
     assert list(card["sha256 of the rows"]) == [data.name]
     assert "torch" in card["versions"]
     lines = (made / "loss.csv").read_text(encoding="utf-8").splitlines()
