@@ -61,6 +61,14 @@ def _add_scratch(actions: Any) -> None:
         metavar="W",
         help="of a prompt's token in the loss; one of the answer's first pair has 1",
     )
+    parser.add_argument(
+        "--evenness",
+        type=float,
+        default=0.5,
+        metavar="E",
+        help="rows of a rare label are read more often: 0 as often as others, 1 until all labels "
+        "have as many",
+    )
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="of weights and order")
     parser.add_argument("--json", action="store_true", help="print the card as one JSON object")
     parser.set_defaults(run=_scratch)
@@ -83,6 +91,7 @@ def _scratch(arguments: argparse.Namespace) -> int:
         ),
         pace=Pace(arguments.epochs, arguments.steps, arguments.batch, arguments.rate),
         prompt_weight=arguments.prompt_weight,
+        evenness=arguments.evenness,
         seed=arguments.seed,
     )
     out = Path(arguments.out)
@@ -101,7 +110,8 @@ def _scratch(arguments: argparse.Namespace) -> int:
         "and ranking.",
         facts={
             "parameters": done.parameters,
-            "examples": done.examples,
+            "rows": done.rows,
+            "examples of an epoch": done.examples,
             "tokens of an example": round(done.tokens, 1),
             "seconds": round(done.seconds),
             "loss of training, at the end": done.curve.training[-1][1],
@@ -109,6 +119,7 @@ def _scratch(arguments: argparse.Namespace) -> int:
             "shape": recipe.shape.to_dict(),
             "pace": recipe.to_dict()["pace"],
             "weight of a prompt's token": recipe.prompt_weight,
+            "evenness": recipe.evenness,
             "seed": recipe.seed,
             "sha256 of the rows": done.data,
         },

@@ -146,8 +146,9 @@ def _places(arguments: argparse.Namespace) -> dict[Path, Places]:
         raise SandraError("--rows: name the one folder that the rows were built from")
     found: dict[Path, list[tuple[int, int]]] = {}
     for row in read_rows(Path(arguments.rows)):
-        if row.is_labelled and arguments.split in ("all", row.split):
-            assert row.ego is not None and row.step is not None
+        if not row.is_labelled or arguments.split not in ("all", row.split):
+            continue
+        if row.ego is not None and row.step is not None:
             path = Path(arguments.scenarios[0]) / row.scenario
             found.setdefault(path, []).append((row.ego, row.step))
     if not found:

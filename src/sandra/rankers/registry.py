@@ -28,8 +28,9 @@ from sandra.rankers.types import Ranker, Ranking
 
 CHOICES = (
     "embedded, openai:MODEL, ollama:MODEL, vllm:MODEL, gguf:FILE, "
-    "hf:FOLDER[+ADAPTER][#mode=score], dilu:MODEL, rules, random[:SEED], exhaustive, replay:FILE[#column=value], adversarial, "
-    "always:PAIR, garbage, late:SECONDS, or module:attribute of your own"
+    "hf:FOLDER[+ADAPTER][#mode=score], dilu:MODEL, rules, random[:SEED], exhaustive, "
+    "replay:FILE[#column=value], adversarial, always:PAIR, garbage, late:SECONDS, or "
+    "module:attribute of your own"
 )
 _PLAIN: dict[str, Callable[[], Ranker]] = {
     "rules": RulesRanker,

@@ -50,7 +50,7 @@ def messages(row: Row) -> list[dict[str, str]]:
 
 
 def example(row: Row, tokenizer: Any) -> Example:
-    """The tokens of a labelled row. `tokenizer` has a chat template, as a Hugging Face folder's."""
+    """The tokens of a labelled row. `tokenizer` has a chat template, as a folder's has."""
     before = tokenizer.apply_chat_template(
         messages(row), tokenize=False, add_generation_prompt=True, enable_thinking=False
     )

@@ -13,6 +13,7 @@ from __future__ import annotations
 import json
 import time
 import warnings
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -28,6 +29,8 @@ from sandra.learn.tuning.trainer import Pace, Weighted, trained
 
 _MOST_READ, _MOST_HELD = 4000, 256
 """Conversations that the tokenizer is made from; of validation, that are measured beside."""
+_MOST_TIMES = 5
+"""That a row is read in an epoch."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,13 +44,16 @@ class Recipe:
     shape: Shape = field(default_factory=Shape)
     pace: Pace = field(default_factory=Pace)
     prompt_weight: float = 0.02
+    evenness: float = 0.5
     seed: int = 0
 
     def __post_init__(self) -> None:
-        if not 0.0 <= self.prompt_weight <= 1.0 or self.seed < 0:
-            raise SettingsError(
-                f"prompt_weight = {self.prompt_weight}, seed = {self.seed}: from 0 to 1, at least 0"
-            )
+        shares = {"prompt_weight": self.prompt_weight, "evenness": self.evenness}
+        for name, share in shares.items():
+            if not 0.0 <= share <= 1.0:
+                raise SettingsError(f"{name} = {share}: from 0 to 1")
+        if self.seed < 0:
+            raise SettingsError(f"seed = {self.seed}: at least 0")
 
     def to_dict(self) -> dict[str, Any]:
         return asdict(self)
@@ -59,7 +65,9 @@ class Trained:
 
     folder: Path
     parameters: int
+    rows: int
     examples: int
+    """In an epoch: rows, with those that are read several times."""
     tokens: float
     """Of an example, in the mean."""
     seconds: float
@@ -88,7 +96,7 @@ def from_scratch(
         warnings.simplefilter("ignore")  # the libraries warn of each other
         read = map(conversation, _some(rows, _MOST_READ))
         tokenizer = tokenizer_of(read, recipe.shape.vocabulary)
-        train = [example(row, tokenizer) for row in rows]
+        train = [example(row, tokenizer) for row in _evened(rows, recipe.evenness)]
         validation = [example(row, tokenizer) for row in _some(held, _MOST_HELD)]
         model = new_model(recipe.shape, tokenizer, recipe.seed)
         begin = time.monotonic()
@@ -108,6 +116,7 @@ def from_scratch(
     return Trained(
         folder=folder,
         parameters=sum(p.numel() for p in model.parameters()),
+        rows=len(rows),
         examples=len(train),
         tokens=sum(len(e.tokens) for e in train) / len(train),
         seconds=seconds,
@@ -119,6 +128,13 @@ def from_scratch(
 def _some(rows: Sequence[Row], most: int) -> Sequence[Row]:
     """Evenly spread."""
     return rows[:: max(1, -(-len(rows) // most))]
+
+
+def _evened(rows: Sequence[Row], evenness: float) -> list[Row]:
+    counts = Counter(row.label for row in rows)
+    most = max(counts.values())
+    times = {x: min(round((most / n) ** evenness), _MOST_TIMES) for x, n in counts.items()}
+    return [row for row in rows for _ in range(times[row.label])]
 
 
 def _begin(out: Path, about: dict[str, Any]) -> None:

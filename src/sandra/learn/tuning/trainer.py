@@ -71,24 +71,22 @@ def trained(
     total = pace.total(len(train))
     every = max(1, total // _CHECKPOINTS)
 
-    class Trainer(transformers.Trainer):  # type: ignore[misc, name-defined, unused-ignore]
-        def compute_loss(
-            self, model: Any, inputs: Any, return_outputs: bool = False, **_: Any
-        ) -> Any:
-            out = model(input_ids=inputs["input_ids"], use_cache=False)
-            logits, tokens = out.logits[:, :-1].float(), inputs["input_ids"][:, 1:]
-            losses = torch.nn.functional.cross_entropy(
-                logits.flatten(0, 1), tokens.flatten(), reduction="none"
-            )
-            loss = (losses * inputs["labels"][:, 1:].flatten()).sum() / len(tokens)
-            return (loss, out) if return_outputs else loss
+    def compute_loss(
+        self: Any, model: Any, inputs: Any, return_outputs: bool = False, **_: Any
+    ) -> Any:
+        out = model(input_ids=inputs["input_ids"], use_cache=False)
+        logits, tokens = out.logits[:, :-1].float(), inputs["input_ids"][:, 1:]
+        losses = torch.nn.functional.cross_entropy(
+            logits.flatten(0, 1), tokens.flatten(), reduction="none"
+        )
+        loss = (losses * inputs["labels"][:, 1:].flatten()).sum() / len(tokens)
+        return (loss, out) if return_outputs else loss
 
-    class Tell(transformers.TrainerCallback):  # type: ignore[misc, name-defined, unused-ignore]
-        def on_log(self, arguments: Any, state: Any, control: Any, **more: Any) -> None:
-            curve = Curve.of(state.log_history)
-            curve.write(out / "loss.csv")
-            losses = [loss for _, loss in curve.training]
-            progress(state.global_step, total, f"loss {losses[-1]:.3f}" if losses else "")
+    def on_log(self: Any, arguments: Any, state: Any, control: Any, **_: Any) -> None:
+        curve = Curve.of(state.log_history)
+        curve.write(out / "loss.csv")
+        losses = [loss for _, loss in curve.training]
+        progress(state.global_step, total, f"loss {losses[-1]:.3f}" if losses else "")
 
     def collate(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
         # On the right: nothing that counts looks at what follows it.
@@ -128,13 +126,16 @@ def trained(
         disable_tqdm=True,
         seed=seed,
     )
-    trainer = Trainer(
+    # The package is imported where it is used, so its classes have no name before.
+    kind = type("Trainer", (transformers.Trainer,), {"compute_loss": compute_loss})
+    teller = type("Teller", (transformers.TrainerCallback,), {"on_log": on_log})
+    trainer = kind(
         model=model,
         args=arguments,
         data_collator=collate,
         train_dataset=[_row(each) for each in train],
         eval_dataset=[_row(each) for each in validation],
-        callbacks=[Tell()],
+        callbacks=[teller()],
     )
     trainer.remove_callback(transformers.PrinterCallback)
     trainer.train(resume_from_checkpoint=_last(transformers, checkpoints))
