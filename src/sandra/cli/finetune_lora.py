@@ -26,13 +26,19 @@ def add(actions: Any) -> None:
         "lora",
         "tune a model in a folder: a small adapter beside its weights, by PEFT and TRL; on a GPU "
         "if there is one; goes on where it stopped; with a card and the curve of its loss",
-        "sandra finetune lora data.jsonl --model hf:my-model --out runs/adapter",
-        "sandra decide merge --ranker hf:my-model+runs/adapter#mode=score",
+        "sandra finetune lora data.jsonl --model embedded --out runs/adapter",
+        "sandra finetune lora data.jsonl --model hf:my-model --rank 16 --epochs 2 --out runs/other",
+        "sandra decide merge --ranker hf:my-model+runs/other#mode=score",
     )
     parser.add_argument(
         "rows", nargs="+", metavar="DATA.jsonl", help="of 'sandra dataset build'; several are one"
     )
-    parser.add_argument("--model", required=True, metavar="hf:FOLDER", help="what is tuned")
+    parser.add_argument(
+        "--model",
+        required=True,
+        metavar="hf:FOLDER",
+        help="what is tuned; embedded: the model that comes along",
+    )
     parser.add_argument("--out", required=True, metavar="DIR", help="a new folder, or one begun")
     parser.add_argument("--rank", type=int, default=16, metavar="R", help="of the adapter")
     parser.add_argument(
@@ -72,11 +78,8 @@ def _run(arguments: argparse.Namespace) -> int:
     from sandra.learn.tuning.lora import Recipe, tune
     from sandra.view.learning import learning_figure
 
-    kind, colon, path = arguments.model.strip().partition(":")
-    if kind != "hf" or not colon or "#" in path:
-        raise SandraError(f"--model {arguments.model}: write hf:FOLDER, with a model to be tuned")
     files = [Path(name) for name in arguments.rows]
-    out, model = Path(arguments.out), Path(path).expanduser()
+    out, model = Path(arguments.out), _folder(arguments.model.strip())
     if arguments.measure < 0:
         raise SandraError(f"--measure {arguments.measure}: at least 0")
     recipe = Recipe(
@@ -115,6 +118,18 @@ def _run(arguments: argparse.Namespace) -> int:
         print(card)
         print(f"use it: sandra decide merge --ranker '{tuned.ranker}#mode=score'")
     return 0
+
+
+def _folder(spec: str) -> Path:
+    """Of the model that is tuned."""
+    from sandra.rankers.inside.ranker import NAME, WEIGHTS
+
+    if spec == NAME:
+        return WEIGHTS
+    kind, colon, path = spec.partition(":")
+    if kind != "hf" or not colon or "#" in path:
+        raise SandraError(f"--model {spec}: write hf:FOLDER, or {NAME}, with a model to be tuned")
+    return Path(path).expanduser()
 
 
 def _measured(ranker: str, rows: list[Row], arguments: argparse.Namespace) -> Measured:
