@@ -35,7 +35,11 @@ from sandra.rankers import create
 SHIFTS = {
     "dense": "--environments highway --densities 3 --lanes 5,6 --drivers aggressive --duration 8",
 }
-TUNING_SEED, TEST_SEED = 20_000, 21_000
+PARTS = {
+    "tuning": (20_000, "--horizon 15 --windows 3 --vehicles 12"),
+    "test": (21_000, "--horizon 15 --windows 2 --vehicles 9"),
+}
+"""Seed of the first episode, and options of what becomes rows."""
 DRAWS = 10_000
 UNTUNED, CONSTANT = "untuned", "constant: most frequent labels of the rows for tuning"
 
@@ -54,15 +58,27 @@ def run(words: str) -> None:
         raise SystemExit(f"failed: sandra {words}")
 
 
-def rows_in(out: Path, shift: str, part: str, episodes: int, options: str) -> list[Row]:
+def rows_in(out: Path, shift: str, part: str, episodes: int) -> list[Row]:
     """The labelled rows of one recording, made if need be."""
     file = out / f"{part}.jsonl"
     if not file.exists():
-        seed = TUNING_SEED if part == "tuning" else TEST_SEED
-        folder = out / part
+        folder, (seed, options) = out / part, PARTS[part]
         run(f"dataset record --out {folder} {SHIFTS[shift]} --episodes {episodes} --seed {seed}")
         run(f"dataset build {folder} --out {file} {options}")
     return [row for row in read_rows(file) if row.is_labelled]
+
+
+def thinned(out: Path, rows: list[Row], most: int) -> Path:
+    """A file with so many rows for training, evenly, and a tenth of that for validation."""
+    file = out / f"tuning-{most}.jsonl"
+    parts = {"train": most, "validation": most // 10}
+    chosen = [
+        row
+        for split, count in parts.items()
+        for row in spread([row for row in rows if row.split == split], count)
+    ]
+    file.write_text("".join(row.line() for row in chosen), encoding="utf-8")
+    return file
 
 
 def ranked(out: Path, name: str, spec: str, rows: list[Row]) -> Answers:
@@ -144,14 +160,16 @@ def main(words: list[str] | None = None) -> None:
     parser.add_argument("--shift", choices=tuple(SHIFTS), default="dense")
     parser.add_argument("--seeds", type=int, default=3, help="trainings")
     parser.add_argument("--episodes", type=int, default=40, help="to tune on, and as many to test")
-    parser.add_argument("--rows", default="--horizon 15 --windows 3 --vehicles 12")
-    parser.add_argument("--lora", default="--loss label --rate 2e-3 --epochs 2 --batch 8")
-    parser.add_argument("--test-rows", type=int, default=700, help="at most, evenly; 0: all")
+    parser.add_argument("--lora", default="--loss label --rate 2e-3 --epochs 1 --batch 8")
+    parser.add_argument("--tuning-rows", type=int, default=400, help="at most, evenly")
+    parser.add_argument("--test-rows", type=int, default=400, help="at most, evenly; 0: all")
     chosen = parser.parse_args(words)
     out = chosen.out
     out.mkdir(parents=True, exist_ok=True)
-    train = rows_in(out, chosen.shift, "tuning", chosen.episodes, chosen.rows)
-    rows = rows_in(out, chosen.shift, "test", chosen.episodes, chosen.rows)
+    known = rows_in(out, chosen.shift, "tuning", chosen.episodes)
+    file = thinned(out, known, chosen.tuning_rows)
+    train = [row for row in read_rows(file) if row.split == "train"]
+    rows = rows_in(out, chosen.shift, "test", chosen.episodes)
     rows = spread(rows, chosen.test_rows)
     how = "#mode=score&calibrate=length"
     found = {
@@ -163,8 +181,8 @@ def main(words: list[str] | None = None) -> None:
         folder = out / f"adapter-{seed}"
         if not (folder / "card.json").exists():
             run(
-                f"finetune lora {out}/tuning.jsonl --model {chosen.model} --out {folder} "
-                f"--seed {seed} {chosen.lora}"
+                f"finetune lora {file} --model {chosen.model} --out {folder} "
+                f"--seed {seed} --measure 40 {chosen.lora}"
             )
         tuned.append(ranked(out, f"tuned-{seed}", f"{chosen.model}+{folder}{how}", rows))
     found[f"LoRA, {len(tuned)} seeds"] = tuned

@@ -37,6 +37,8 @@ _IGNORED = -100
 _EVERY = 20
 """So many checkpoints of a run, roughly; at least `_LEAST` steps apart."""
 _LEAST = 10
+_LOOKS = 5
+"""So often the loss on validation is measured, roughly."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -253,7 +255,7 @@ def _trainer(
         data_seed=recipe.seed,
         logging_steps=1,
         eval_strategy="steps" if held else "no",
-        eval_steps=max(1, steps // 10),
+        eval_steps=max(1, steps // _LOOKS),
         save_strategy="steps",
         save_steps=every,
         save_total_limit=2,
