@@ -117,6 +117,7 @@ def test_a_run_that_is_over_is_over(
         (["--batch", "3", "--at-once", "2"], "at_once = 2: must divide batch = 3"),
         (["--epochs", "nan"], "epochs = nan"),
         (["--out", "{new}", "--max-length", "50"], "raise --max-length"),
+        (["--out", "{new}", "--max-length", "50", "--model", "embedded"], "raise --max-length"),
     ],
 )
 def test_what_cannot_be_done_is_said_in_one_line(
