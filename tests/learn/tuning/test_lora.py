@@ -109,7 +109,7 @@ def test_a_run_that_is_over_is_over(
     ("words", "told"),
     [
         (["--rank", "4"], "differs in rank; choose another --out"),
-        (["--seed", "1", "--rate", "0.02"], "differs in rate, seed"),
+        (["--seed", "1", "--rate", "0.03"], "differs in rate, seed"),
         (["--model", "hf:{tiny}/model+{tiny}/adapter"], "no folder with a file config.json"),
         (["--model", "gguf:x"], "write hf:FOLDER"),
         (["--out", "{data}"], "choose another --out"),
