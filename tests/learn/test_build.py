@@ -385,9 +385,7 @@ def test_variety_tells_what_a_recording_does_not_hold(recorded):
     name = f"train/{file.name}"
     plain = [r for r in rows_of(file, name, HOW, {}) if r.is_labelled]
     every = [r for r in rows_of(file, name, replace(HOW, variety=1.0), {}) if r.is_labelled]
-    assert every == [
-        r for r in rows_of(file, name, replace(HOW, variety=1.0), {}) if r.is_labelled
-    ]
+    assert every == [r for r in rows_of(file, name, replace(HOW, variety=1.0), {}) if r.is_labelled]
     assert len(every) == len(plain) > 3
     for before, after in zip(plain, every, strict=True):
         assert after.label == before.label in after.feasible
