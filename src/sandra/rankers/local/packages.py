@@ -7,7 +7,6 @@ from typing import Any
 
 from sandra.errors import RankerError
 
-
 _TO_TUNE = ("trl", "datasets", "accelerate")
 
 
