@@ -354,7 +354,8 @@ def test_what_cannot_be_built_is_said(recorded, tmp_path, capsys):
     assert "no .xml file" in capsys.readouterr().err
     assert main(["dataset", "build", str(tmp_path / "missing"), *out]) == 2
     assert "no such folder" in capsys.readouterr().err
-    nowhere = ["--out", str(tmp_path / "no" / "x.jsonl")]
+    (tmp_path / "file").touch()
+    nowhere = ["--out", str(tmp_path / "file" / "x.jsonl")]
     assert main(["dataset", "build", str(recorded), *nowhere]) == 2
     assert "cannot be written" in capsys.readouterr().err
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import logging
 import re
+import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
@@ -72,6 +73,7 @@ class ClusterTeam(Generic[T]):
         self._there: set[str] = set()
         self._at: dict[str, tuple[int, Any]] = {}
         """By worker: the number of its item, and Dask's future of it."""
+        self._news = threading.Event()
         self._looked = -_LOOK
         self._last_seen = time.monotonic()
         self._warned = False
@@ -92,19 +94,13 @@ class ClusterTeam(Generic[T]):
         parcel = packed(self._work, item, self._files(item))
         with self._talking():
             future = self._client.submit(answered, parcel, workers=[address], pure=False)
+        future.add_done_callback(lambda _: self._news.set())
         self._at[address] = number, future
 
     def collect(self) -> list[tuple[int, Any]]:
         """Wait for a while, at most until it is time to see who is there."""
-        from distributed import wait
-
-        futures = [future for _, future in self._at.values()]
-        with self._talking():
-            if futures:
-                with suppress(TimeoutError):
-                    wait(futures, timeout=_LOOK, return_when="FIRST_COMPLETED")
-            else:
-                time.sleep(_LOOK)
+        self._news.wait(_LOOK)
+        self._news.clear()
         found = []
         for address, (number, future) in list(self._at.items()):
             if future.done():
