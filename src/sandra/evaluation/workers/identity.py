@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+from functools import cache
 from hashlib import sha256
 from pathlib import Path
 
@@ -13,8 +14,12 @@ ROOT = Path(sandra.__file__).parent
 KINDS = ("*.py", "*.toml", "*.json", "*.txt")
 
 
+@cache
 def identity() -> dict[str, str]:
-    """Version and sources of SanDRA, its kernel, and Python, which pickles what is sent."""
+    """Version and sources of SanDRA, its kernel, and Python, which pickles what is sent.
+
+    Found once in a process: a worker that was started before an update still runs what was there.
+    """
     files = sorted(file for kind in KINDS for file in ROOT.rglob(kind))
     sources = sha256()
     for file in files:
