@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -81,9 +81,7 @@ class RunFolder:
         known = self.metrics(seed)
         if known is not None:
             return known
-        draft = self.path / f".seed-{seed}.draft"
-        shutil.rmtree(draft, ignore_errors=True)
-        (draft / "certificates").mkdir(parents=True)
+        draft = self._draft(seed)
         with (draft / "decisions.jsonl").open("w", encoding="utf-8") as log:
 
             def note(step: Step) -> None:
@@ -99,6 +97,27 @@ class RunFolder:
 
             episode, found = play(how, seed, note)
         return self._finish(draft, how, seed, episode, found)
+
+    def packed(self, seed: int) -> dict[str, bytes]:
+        """The files of a complete episode, by their paths below its folder."""
+        home = self.episode(seed)
+        files = (file for file in home.rglob("*") if file.is_file())
+        return {file.relative_to(home).as_posix(): file.read_bytes() for file in files}
+
+    def keep(self, seed: int, files: Mapping[str, bytes]) -> dict[str, Any]:
+        """Write an episode that was driven elsewhere, and `packed` there; its metrics."""
+        draft = self._draft(seed)
+        for name, content in files.items():
+            (draft / name).parent.mkdir(parents=True, exist_ok=True)
+            (draft / name).write_bytes(content)
+        draft.rename(self.episode(seed))
+        return self._read(self.episode(seed) / "metrics.json")
+
+    def _draft(self, seed: int) -> Path:
+        draft = self.path / f".seed-{seed}.draft"
+        shutil.rmtree(draft, ignore_errors=True)
+        (draft / "certificates").mkdir(parents=True)
+        return draft
 
     def _finish(
         self, draft: Path, how: Drive, seed: int, episode: Episode, found: Outcome

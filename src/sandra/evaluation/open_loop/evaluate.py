@@ -25,7 +25,7 @@ from sandra.evaluation.open_loop.report import Report, report
 from sandra.evaluation.open_loop.scores import KS, Case
 from sandra.evaluation.open_loop.setups import Conditions, Setup, ablations
 from sandra.evaluation.sheet import Sheet
-from sandra.evaluation.workers import Broken, in_order
+from sandra.evaluation.workers import Broken, Workers, as_done
 
 Row = dict[str, Any]
 VERIFIED_FIRST = "verified pairs first, in the order of Tab. II"
@@ -126,7 +126,7 @@ def open_loop(
     conditions: Conditions = Conditions(),  # noqa: B008  (frozen)
     *,
     journal: Path | None = None,
-    workers: int = 1,
+    workers: Workers = 1,
     progress: Callable[[int, int, str], None] = lambda done, total, name: None,
 ) -> OpenLoop:
     """Evaluate setups on recordings.
@@ -134,7 +134,8 @@ def open_loop(
     Args:
         choice: whose decisions, and how they are labelled.
         journal: of a run that can go on, with more setups too; see `Journal`.
-        workers: processes. progress: is told (files done, all files, name of the last one).
+        workers: see `sandra.evaluation.workers`.
+        progress: is told (files done, all files, name of the last one).
 
     Raises:
         SandraError: if the journal cannot be written or holds another run, or a ranker is unknown.
@@ -143,14 +144,14 @@ def open_loop(
     book = Journal(journal, about)
     keys = {path: fingerprint(path) for path in paths}
     missing = {
-        path: tuple(s for s in setups if f"{s.name} | {key}" not in book.values)
+        path: tuple(s for s in setups if f"{s.name} | {key}" not in book)
         for path, key in keys.items()
     }
     jobs = [(path, todo) for path, todo in missing.items() if todo]
     done = len(keys) - len(jobs)
     work = partial(_one, choice=choice, conditions=conditions)
-    with closing(in_order(work, jobs, workers)) as found:
-        for (path, todo), rows in zip(jobs, found, strict=True):
+    with closing(as_done(work, jobs, workers, lambda job: job[:1])) as found:
+        for (path, todo), rows in found:
             if isinstance(rows, Broken):
                 rows = broken(path, todo, choice, f"internal error: {rows.error}")
             for setup in todo:
@@ -158,9 +159,7 @@ def open_loop(
             done += 1
             progress(done, len(keys), path.stem)
     every = {
-        setup.name: tuple(
-            row for key in keys.values() for row in book.values[f"{setup.name} | {key}"]
-        )
+        setup.name: tuple(row for key in keys.values() for row in book[f"{setup.name} | {key}"])
         for setup in setups
     }
     return OpenLoop(tuple(setups), every, scored(setups, every))
