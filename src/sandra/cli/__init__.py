@@ -21,6 +21,7 @@ from sandra.cli import (
     drive,
     evaluate,
     film,
+    finetune,
     label,
     monitor,
     prompt,
@@ -64,7 +65,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"sandra {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     deciding = (decide, verify, drive, prompt, certificate)
-    watching = (monitor, conformance, film, label, evaluate, dataset, bench, scenarios, demo)
-    for each in (*deciding, *watching):
+    watching = (monitor, conformance, film, label, evaluate, dataset, finetune)
+    others = (bench, scenarios, demo)
+    for each in (*deciding, *watching, *others):
         each.add(commands)
     return parser

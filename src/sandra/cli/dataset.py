@@ -137,6 +137,15 @@ def _add_build(actions: Any) -> None:
     parser.add_argument(
         "--seed", type=int, default=0, metavar="S", help="of all that is chosen at random"
     )
+    parser.add_argument(
+        "--variety",
+        type=float,
+        default=0.0,
+        metavar="P",
+        help="chance that a prompt tells what a recording does not hold, each by itself: a wish "
+        "that fits what was driven, past pairs by chance, the rules, and that only some pairs "
+        "may be ranked",
+    )
     parser.add_argument("--settings", metavar="FILE", help="a TOML file with parameters")
     add_workers(parser)
     parser.add_argument("--json", action="store_true", help="print the card as one JSON object")
@@ -160,6 +169,7 @@ def _build(arguments: argparse.Namespace) -> int:
             per_vehicle=arguments.windows,
             vehicles=arguments.vehicles,
             seed=arguments.seed,
+            variety=arguments.variety,
             settings=settings,
         ),
         arguments.balance,

@@ -104,6 +104,8 @@ class Price:
     cached_input: float | None = None
     """Default: that of `input`."""
     currency: str = "USD"
+    training: float | None = None
+    """Of fine-tuning; default: unknown."""
 
     def of(self, usage: Usage) -> float:
         """What the tokens that are known cost."""
@@ -116,8 +118,8 @@ class Price:
 def load_prices(path: str | Path) -> dict[str, Price]:
     """Read a TOML file with a table `["RANKER"]` for each model, such as `["openai:some-model"]`.
 
-    Each holds `input`, `output`, and, if wanted, `cached_input` (per million tokens) and
-    `currency`. No prices come with SanDRA: they change, and depend on contract and tier.
+    Each holds `input`, `output`, and, if wanted, `cached_input`, `training` (per million tokens)
+    and `currency`. No prices come with SanDRA: they change, and depend on contract and tier.
 
     Raises:
         SettingsError: if the file is missing, is not TOML, or holds a bad value.

@@ -162,6 +162,7 @@ def _finish(
             "windows per vehicle": how.per_vehicle,
             "vehicles per scenario": how.vehicles or "all",
             "seed": how.seed,
+            "chance of a wish, a past, rules, a choice": how.variety,
             "rows per label and split at most": "all" if balance is None else (balance or "median"),
             "labelled rows": len(chosen),
             "left out by balancing": sum(found.values()) - len(chosen),

@@ -24,6 +24,8 @@ from sandra.scene.tracks import Track, Tracks
 from sandra.settings import Settings
 
 EGOS = ("auto", "given", "chosen", "all")
+Places = tuple[tuple[int, int], ...]
+"""Egos, by id, and steps."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,6 +93,14 @@ def windows_of(path: Path, choice: Choice) -> Iterator[Window]:
     for track in _chosen(tracks, choice):
         for step in track.windows(horizon, choice.stride)[:most]:
             yield _window(tracks, track.id, track.kind, step)
+
+
+def windows_at(path: Path, places: Places, choice: Choice) -> Iterator[Window]:
+    """The windows of these vehicles at these steps. Raises `ScenarioError`: see `windows_of`."""
+    tracks = Tracks(path, choice.settings)
+    kinds = {track.id: track.kind for track in tracks.all()}
+    for ego, step in places:
+        yield _window(tracks, ego, kinds.get(ego, "car"), step)
 
 
 def _of_given(given: Scene, tracks: Tracks, choice: Choice) -> Iterator[Window]:
