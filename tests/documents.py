@@ -3,7 +3,7 @@
 | fence | by the tests |
 |---|---|
 | `python` | run, all of a page in one namespace |
-| `bash` | each `sandra ...` is parsed, and run with small settings; what is not run says so, visibly |
+| `bash` | each `sandra ...` is parsed and run with small settings; what is not run says so |
 | `toml` | parsed |
 | `text` | output or a drawing: holds no command, but after a `$` (parsed) |
 | `{directive}` | of the site; `make docs` builds it |

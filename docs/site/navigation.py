@@ -27,7 +27,9 @@ REST = "More"
 
 
 def _tree(caption: str, pages: list[str]) -> str:
-    return "\n".join(["", "```{toctree}", ":hidden:", f":caption: {caption}", "", *pages, "```", ""])
+    return "\n".join(
+        ["", "```{toctree}", ":hidden:", f":caption: {caption}", "", *pages, "```", ""]
+    )
 
 
 def add_trees(app: Any, page: str, source: list[str]) -> None:
@@ -35,7 +37,9 @@ def add_trees(app: Any, page: str, source: list[str]) -> None:
     if page != app.config.root_doc:
         return
     known = set(app.env.found_docs)
-    named = {each: each[1:] if each[0] == "/" else f"docs/{each}" for g in GROUPS.values() for each in g}
+    named = {
+        each: each[1:] if each[0] == "/" else f"docs/{each}" for g in GROUPS.values() for each in g
+    }
     groups = {name: [p for p in pages if named[p] in known] for name, pages in GROUPS.items()}
     groups[REST] = [f"/{p}" for p in sorted(known - set(named.values()) - {page})]
     source[0] += "".join(_tree(name, pages) for name, pages in groups.items() if pages)

@@ -20,6 +20,7 @@ from sandra.cli import (
     demo,
     drive,
     evaluate,
+    figure,
     film,
     label,
     monitor,
@@ -64,7 +65,18 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"sandra {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     deciding = (decide, verify, drive, prompt, certificate)
-    watching = (monitor, conformance, film, label, evaluate, dataset, bench, scenarios, demo)
+    watching = (
+        monitor,
+        conformance,
+        figure,
+        film,
+        label,
+        evaluate,
+        dataset,
+        bench,
+        scenarios,
+        demo,
+    )
     for each in (*deciding, *watching):
         each.add(commands)
     return parser
