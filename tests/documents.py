@@ -16,6 +16,7 @@ from __future__ import annotations
 import argparse
 import re
 import shlex
+import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -126,18 +127,20 @@ FEW: dict[str, tuple[str, ...]] = {
     "drive": ("--seeds", "5838", "--steps", "2", "--workers", "1"),
     "label": ("--windows", "1", "--ego", "given", "--workers", "1"),
     "conformance": ("--workers", "1"),
-    "evaluate verdicts": ("--horizon", "6", "--workers", "1"),
-    "evaluate soundness": ("--rollouts", "6", "--workers", "1"),
+    "evaluate verdicts": ("--horizon", "6", "--predictions", "most-likely", "--workers", "1"),
+    "evaluate soundness": ("--rollouts", "1", "--per-certificate", "1", "--workers", "1"),
     "evaluate open-loop": ("--horizon", "5", "--windows", "1", "--ego", "given", "--workers", "1"),
     "evaluate closed-loop": ("--rows", "slower", "--settings", "1", "--workers", "1"),
-    "dataset record": ("--episodes", "10", "--duration", "2", "--workers", "1"),
+    "dataset record": ("--episodes", "3", "--duration", "2", "--workers", "1"),
+    "figure set": ("--horizon", "6"),
+    "figure maneuver": ("--horizon", "6"),
+    "figure predictions": ("--horizon", "6"),
     "dataset build": ("--horizon", "3", "--vehicles", "2", "--windows", "1"),
     "bench decide": ("--runs", "1"),
     "bench reach": ("--horizons", "5", "--runs", "1", "--no-peer"),
     "bench growth": ("--axes", "lanes", "--runs", "1"),
 }
 """What is appended to a command, so that it is quick: of repeated options the last one counts."""
-SEEDS = {"evaluate closed-loop": ("--seeds", "5838")}
 
 
 def small(words: Sequence[str], server: str) -> list[str]:
@@ -145,7 +148,11 @@ def small(words: Sequence[str], server: str) -> list[str]:
     name = next((n for n in FEW if list(words[: len(n.split())]) == n.split()), "")
     told = [word for word in words if word != "--paper-seeds"]
     told += FEW.get(name, ())
-    told += SEEDS.get(name, ()) if "--paper-seeds" in words or "--seeds" in words else ()
+    if name == "evaluate closed-loop":
+        # Runs that differ belong into different folders.
+        told += ["--seeds", "5838", "--out", f"runs/{zlib.crc32(' '.join(words).encode())}"]
+    if name == "evaluate soundness" and not any(word.endswith(".xml") for word in words):
+        told.append("merge")
     if "--base-url" in told:
         told[told.index("--base-url") + 1] = server
     return told

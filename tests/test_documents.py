@@ -7,6 +7,7 @@ import re
 import shutil
 import tomllib
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,7 @@ import pytest
 import sandra
 from documents import BLOCKS, LINES, ROOT, Line, blocks_of, faults, parsed, small
 from sandra.cli import main
+from sandra.scene.writing import write
 
 PYTHON = list(dict.fromkeys(b.page for b in BLOCKS if b.kind == "python"))
 RUN = [line for line in LINES if line.reason is None]
@@ -101,6 +103,7 @@ def test_commands_run(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.chdir(desk)
+    monkeypatch.syspath_prepend(str(desk))
     for line in RUN:
         if line.block.page != page:
             continue
@@ -132,7 +135,9 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
     desk = tmp_path_factory.mktemp("desk")
     for name in ("SCENARIO.xml", "my_scenario.xml", "DEU_Goeppingen-37_1_T-4.xml"):
         shutil.copy(sandra.example("intersection"), desk / name)
-    shutil.copy(sandra.example("recorded-ego"), desk / "RECORDING.xml")
+    scene = sandra.load(sandra.example("recorded-ego"))
+    assert scene.recorded_ego is not None
+    write(replace(scene, recorded_ego=scene.recorded_ego[:27]), desk / "RECORDING.xml")
     for folder in ("FOLDER", "recordings", "scenarios", "scenarios/highd", "src/sandra/scenarios"):
         (desk / folder).mkdir(parents=True)
         shutil.copy(sandra.example("recorded-ego"), desk / folder)
