@@ -7,6 +7,7 @@ own, and formulas are MathML.
 
 from __future__ import annotations
 
+import os
 import re
 import sys
 import tomllib
@@ -14,6 +15,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT / "src"), str(ROOT / "docs" / "site")]
+os.environ["PYTHONPATH"] = str(ROOT / "src")  # of the notebooks
 
 project = "SanDRA"
 author = "The SanDRA developers"
@@ -45,6 +47,7 @@ myst_heading_anchors = 4
 myst_enable_extensions = ["dollarmath", "html_image"]
 # A notebook is stored without outputs and run here; tests run it, too.
 nb_execution_mode = "force"
+nb_execution_in_temp = True
 nb_execution_timeout = 120
 nb_execution_raise_on_error = True
 nb_execution_show_tb = True
