@@ -16,7 +16,6 @@ from __future__ import annotations
 import argparse
 import re
 import shlex
-import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -150,9 +149,11 @@ def small(words: Sequence[str], server: str) -> list[str]:
     told += FEW.get(name, ())
     if name == "evaluate closed-loop":
         # Runs that differ belong into different folders.
-        told += ["--seeds", "5838", "--out", f"runs/{zlib.crc32(' '.join(words).encode())}"]
-    if name == "evaluate soundness" and not any(word.endswith(".xml") for word in words):
-        told.append("merge")
+        told += ["--seeds", "5838", "--out", f"runs/{'paper' if 'paper' in words else 'stock'}"]
+    if name == "evaluate soundness":
+        told = [word for word in told if not word.endswith(".xml")] + ["merge"]
+    if any(word.startswith("dilu:") for word in words):
+        told += ["--deadline", "1"]
     if "--base-url" in told:
         told[told.index("--base-url") + 1] = server
     return told

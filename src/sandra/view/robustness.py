@@ -94,7 +94,7 @@ def comparison_figure(
     rules = [rule.rule for rule in next(iter(drives.values())).rules]
     if any([rule.rule for rule in drive.rules] != rules for drive in drives.values()):
         raise SandraError(f"{where}: the drives were not monitored for the same rules")
-    top = MARGIN + 0.3
+    top = MARGIN + 0.55
     page = Page(_WIDE + _LEFT + 2 * MARGIN, top + len(rules) * (_HIGH + _GAP) + MARGIN)
     last = max(float(drive.times[-1]) for drive in drives.values())
     for row, rule in enumerate(rules):
@@ -105,7 +105,7 @@ def comparison_figure(
             look = {"color": colour, "linestyle": line, "marker": marker}
             every = max(1, len(drive.times) // 12)
             ax.plot(drive.times, drive[rule].normalised, lw=1.3, ms=3, markevery=every,
-                    label=fitted(name, _WIDE / len(drives) - 0.6, 7.0), **look)  # fmt: skip
+                    label=fitted(name, _WIDE / len(drives) - 0.45, 7.0), **look)  # fmt: skip
         ax.axhspan(-1.1, 0.0, color=palette.RULE, alpha=0.5, lw=0)
         ax.axhline(0.0, color=palette.INK, lw=0.9)
         ax.set_ylim(-1.1, 1.1)
@@ -114,7 +114,7 @@ def comparison_figure(
         ax.grid(color=palette.RULE, lw=0.5)
         ax.set_axisbelow(True)
         if row == 0:
-            ax.legend(fontsize=7, frameon=False, ncols=len(drives), loc="lower right",
-                      bbox_to_anchor=(1.0, 1.12), borderaxespad=0.0)  # fmt: skip
+            ax.legend(fontsize=7, frameon=False, ncols=len(drives), loc="lower left",
+                      columnspacing=1.0, bbox_to_anchor=(0.0, 1.2), borderaxespad=0.0)  # fmt: skip
     ax.set_xlabel("time [s]", fontsize=8)
     return page.save(where, dpi)
