@@ -20,6 +20,7 @@ from sandra.cli import (
     demo,
     drive,
     evaluate,
+    figure,
     film,
     finetune,
     label,
@@ -65,7 +66,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"sandra {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     deciding = (decide, verify, drive, prompt, certificate)
-    watching = (monitor, conformance, film, label, evaluate, dataset, finetune)
+    watching = (monitor, conformance, figure, film, label, evaluate, dataset, finetune)
     others = (bench, scenarios, demo)
     for each in (*deciding, *watching, *others):
         each.add(commands)
