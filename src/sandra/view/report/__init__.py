@@ -1,0 +1,11 @@
+"""Reports: one HTML page that shows a decision, an episode or an evaluation, and needs no network.
+
+Data walks one way: `decided`, `episode` and `evaluation` turn results into a `Document`, plain and
+versioned; `page` puts it into the static page whose parts lie in `page/`.
+"""
+
+from sandra.view.report.document import FORMAT, VERSION, Document
+from sandra.view.report.of_decision import decision_document
+from sandra.view.report.page import page, write
+
+__all__ = ["FORMAT", "VERSION", "Document", "decision_document", "page", "write"]
