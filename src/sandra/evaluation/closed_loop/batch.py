@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import Any
 
 from sandra.errors import SandraError
@@ -14,7 +13,7 @@ from sandra.evaluation.workers import Broken, in_order
 from sandra.simulation.episode import Step
 
 Progress = Callable[[str], None]
-Job = tuple[Path, Drive, int]
+Job = tuple[RunFolder, Drive, int]
 
 
 def drive_all(
@@ -36,7 +35,7 @@ def drive_all(
             found.append(folder.drive(how, seed, _follow(told, how.steps, progress)))
             progress(f"{told}: done")
         return found
-    jobs: list[Job] = [(folder.path, how, seed) for seed in seeds]
+    jobs: list[Job] = [(folder, how, seed) for seed in seeds]
     broken = []
     for seed, answer in zip(seeds, in_order(one, jobs, workers), strict=True):
         if isinstance(answer, Broken):
@@ -51,8 +50,8 @@ def drive_all(
 
 def one(job: Job) -> dict[str, Any]:
     """One episode, in a process of its own."""
-    path, how, seed = job
-    return RunFolder(path).drive(how, seed)
+    folder, how, seed = job
+    return folder.drive(how, seed)
 
 
 def _follow(told: str, steps: int, progress: Progress) -> Callable[[Step], None]:

@@ -163,7 +163,7 @@ def tabulate(
     cases = [(run, seed) for run in runs for seed in seeds]
     todo = [case for case in cases if case[0][0].metrics(case[1]) is None]
     done, errors = len(cases) - len(todo), dict[tuple[Path, int], str]()
-    jobs = [(run[0].path, run[3], seed) for run, seed in todo]
+    jobs = [(run[0], run[3], seed) for run, seed in todo]
     for (run, seed), answer in zip(todo, in_order(one, jobs, workers), strict=True):
         done += 1
         if isinstance(answer, Broken):

@@ -5,7 +5,18 @@ versioned; `page` puts it into the static page whose parts lie in `page/`.
 """
 
 from sandra.view.report.document import FORMAT, VERSION, Document
+from sandra.view.report.episode import episode_document
+from sandra.view.report.frames import FrameLog
 from sandra.view.report.of_decision import decision_document
 from sandra.view.report.page import page, write
 
-__all__ = ["FORMAT", "VERSION", "Document", "decision_document", "page", "write"]
+__all__ = [
+    "FORMAT",
+    "VERSION",
+    "Document",
+    "FrameLog",
+    "decision_document",
+    "episode_document",
+    "page",
+    "write",
+]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 import shapely
@@ -15,9 +15,9 @@ from sandra.logic import Specification, Vocabulary
 from sandra.planning import Maneuver
 from sandra.reach import Status, Verdict, verify_on
 from sandra.view.header import kind_of_ranker
-from sandra.view.profile import curves_of
-from sandra.view.report.document import Answer, Curve, Decided, Map, Pair, Part, Prompt
-from sandra.view.report.scenery import frames_of, map_of, marks_of, others_of, pack_states
+from sandra.view.report.curves import curves
+from sandra.view.report.document import Answer, Decided, Map, Pair, Part, Prompt
+from sandra.view.report.scenery import frames_of, map_of, marks_of, others_of
 from sandra.view.sets import blocking
 from sandra.view.shapes import View, bounds, grown
 
@@ -29,6 +29,7 @@ def decided(
     step: int = 0,
     time: float = 0.0,
     map_index: int = 0,
+    texts: list[str] | None = None,
     operation: str | None = None,
     covered: bool | None = None,
     all_pairs: bool = True,
@@ -39,7 +40,8 @@ def decided(
     Args:
         view: whose coordinates are meant; default: those of the decision's own scene.
         step, time, operation, covered: where it stands in an episode [s].
-        map_index: of its map in the document.
+        map_index: of its map in the document. texts: those of the document, to which new ones
+            are added.
         all_pairs: whether pairs that the decision did not verify are verified now, on the same
             ground, for the page alone; nothing of the decision changes.
         vocabulary: the one that the decision was made with, if not the packaged one.
@@ -75,15 +77,16 @@ def decided(
         },
         others=others_of(view, decision.ground.prediction),
         marks=marks_of(view),
+        parts=_parts(verdict.specification for verdict, _ in verdicts),
         pairs=pairs,
-        curves=_curves(view, decision.maneuver),
+        curves=curves(view, decision.maneuver),
         executed={
             "kind": decision.maneuver.kind,
             "pair": None if decision.maneuver.pair is None else str(decision.maneuver.pair),
             "note": decision.maneuver.note,
         },
         settings=_settings(decision),
-        prompt=_prompt(decision),
+        prompt=_prompt(decision, [] if texts is None else texts),
         answer=_answer(decision),
         durations_s=dict(decision.durations_s),
         operation=operation,
@@ -127,7 +130,7 @@ def _pair(
         reason=verdict.reason,
         executed=asked and decision.maneuver.pair == verdict.pair,
         duration_s=verdict.duration_s,
-        parts=_parts(verdict.specification),
+        parts=tuple(part.name for part in verdict.specification.parts),
         sets=frames_of(shapes[verdict.pair]),
         areas=tuple(round(float(shape.area), 2) for shape in shapes[verdict.pair]),
         corridor=None if corridor is None else frames_of(corridor),
@@ -137,22 +140,12 @@ def _pair(
     )
 
 
-def _parts(spec: Specification) -> tuple[Part, ...]:
-    return tuple(Part(x.name, x.text, str(x.formula), x.description) for x in spec.parts)
-
-
-def _curves(view: View, maneuver: Maneuver) -> tuple[Curve, ...]:
-    if not np.isfinite(maneuver.states).all():
-        return ()
-    found = []
-    for curve in curves_of(maneuver):
-        for kind, rows in curve.parts:
-            # The second part begins where the first one ends.
-            times, states = curve.times[rows], curve.states[rows]
-            packed = pack_states(view, states)
-            start, end = float(times[0]), float(times[-1])
-            found.append(Curve(kind, start, maneuver.dt, end, packed))
-    return tuple(found)
+def _parts(specifications: Iterable[Specification]) -> dict[str, Part]:
+    return {
+        part.name: Part(part.name, part.text, str(part.formula), part.description)
+        for specification in specifications
+        for part in specification.parts
+    }
 
 
 def _focus(
@@ -185,11 +178,13 @@ def _settings(decision: Decision) -> dict[str, object]:
     }
 
 
-def _prompt(decision: Decision) -> Prompt:
+def _prompt(decision: Decision, texts: list[str]) -> Prompt:
     prompt = decision.prompt
-    schema = json.dumps(prompt.schema, indent=1)
+    shared = prompt.system, json.dumps(prompt.schema, indent=1)
+    texts += [text for text in dict.fromkeys(shared) if text not in texts]
+    system, schema = map(texts.index, shared)
     picture = None if prompt.picture is None else prompt.picture.data_url
-    return Prompt(prompt.system, prompt.user, schema, picture)
+    return Prompt(system, prompt.user, schema, picture)
 
 
 def _answer(decision: Decision) -> Answer:

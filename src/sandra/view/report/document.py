@@ -56,9 +56,8 @@ class Other:
     still: bool
     states: str
     """STATES, one row per step from now on: the most likely course."""
-    occupancy: str
-    """FRAMES, one per step: where its body may be then."""
-    assumed: tuple[str, ...]
+    occupancy: str | None
+    """FRAMES, one per step: where its body may be then; None of those far away."""
     dropped: tuple[str, ...]
     """Assumptions that it had already broken."""
 
@@ -88,7 +87,8 @@ class Pair:
     reason: str | None
     executed: bool
     duration_s: float
-    parts: tuple[Part, ...]
+    parts: tuple[str, ...]
+    """Names of the conjuncts of its specification, to be looked up in `Decided.parts`."""
     sets: str
     """FRAMES, one per step: all places of the ego's centre."""
     areas: tuple[float, ...]
@@ -120,9 +120,10 @@ class Curve:
 class Prompt:
     """What the ranker was told, and the schema of its answer as text."""
 
-    system: str
+    system: int
+    """Index into the document's texts; so is `schema`."""
     user: str
-    schema: str
+    schema: int
     picture: str | None
     """A data URL."""
 
@@ -161,6 +162,8 @@ class Decided:
     """id, length, width, x, y, heading, speed, acceleration."""
     others: tuple[Other, ...]
     marks: tuple[Mark, ...]
+    parts: Mapping[str, Part]
+    """By name."""
     pairs: tuple[Pair, ...]
     curves: tuple[Curve, ...]
     executed: Mapping[str, str | None]
@@ -270,6 +273,8 @@ class Document:
     maps: tuple[Map, ...] = ()
     decisions: tuple[Decided | Mapping[str, Any], ...] = ()
     """As objects, or as a file already holds them."""
+    texts: tuple[str, ...] = ()
+    """What many decisions share."""
     episode: Episode | None = None
     tables: tuple[Table, ...] = ()
     charts: tuple[Chart, ...] = ()

@@ -14,7 +14,8 @@ def decision_document(decision: Decision, vocabulary: Vocabulary | None = None) 
     All twelve pairs are on it. Those that the decision did not verify are verified now, on the same
     ground, and said to be so.
     """
-    base = decision.ground
+    base, texts = decision.ground, list[str]()
+    found = decided(decision, texts=texts, vocabulary=vocabulary)
     command = decision.prompt.situation.command
     return Document(
         "decision",
@@ -27,5 +28,6 @@ def decision_document(decision: Decision, vocabulary: Vocabulary | None = None) 
             ("horizon", f"{base.horizon} steps of {decision.scene.dt:g} s"),
         ),
         maps=(map_of_decision(decision),),
-        decisions=(decided(decision, vocabulary=vocabulary),),
+        decisions=(found,),
+        texts=tuple(texts),
     )

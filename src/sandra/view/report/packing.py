@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Sequence
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,17 +34,16 @@ def pack_frames(frames: Sequence[Sequence[Array]]) -> str:
     The stream: number of frames; of each its number of lines; of each line its number of points,
     then x and y of each point minus those of the point before it in the stream.
     """
-    parts: list[Integers] = [np.array([len(frames)])]
-    last = np.zeros((1, 2), dtype=np.int64)
-    for lines in frames:
-        parts.append(np.array([len(lines)]))
-        for line in lines:
-            points = whole(np.asarray(line, dtype=float)[:, :2] * PER_METRE)
-            parts.append(np.array([len(points)]))
-            if len(points):
-                parts.append(np.diff(np.vstack([last, points]), axis=0).ravel())
-                last = points[-1:]
-    return _text(np.concatenate(parts))
+    lines = [np.asarray(line, dtype=float)[:, :2] for frame in frames for line in frame]
+    points = whole(np.concatenate([np.zeros((1, 2)), *lines]) * PER_METRE)
+    steps = iter(np.diff(points, axis=0).ravel().tolist())
+    numbers = [len(frames)]
+    for frame in frames:
+        numbers.append(len(frame))
+        for line in frame:
+            numbers.append(len(line))
+            numbers += islice(steps, 2 * len(line))
+    return _text(np.array(numbers, dtype=np.int64))
 
 
 def unpack_frames(text: str) -> list[list[Array]]:

@@ -19,12 +19,14 @@ Array = NDArray[np.float64]
 
 STATE = (PER_METRE, PER_METRE, PER_RADIAN, PER_METRE, PER_METRE)
 """Scales of x, y, heading, speed, acceleration."""
-SMOOTH = 0.04
+SMOOTH = 0.02
 """Outlines are drawn with corners left out that stand out by less [m]."""
 SEEN = 400.0
-"""Lanes farther from the ego are left out, and the predictions of those farther away [m]."""
+"""Lanes farther from the ego are left out, and those who are farther away [m]."""
+NEAR = 150.0
+"""Where those may be who are farther away is not told [m]."""
 _NO_CARS = frozenset({"sidewalk", "crosswalk", "bicycleLane", "parking", "border", "shoulder"})
-_ROUND = 6
+_ROUND = 8
 """Straight pieces of a quarter of a circle."""
 
 
@@ -70,10 +72,11 @@ def others_of(view: View, prediction: Prediction) -> tuple[Other, ...]:
         away = float(np.hypot(state.x - ego.x, state.y - ego.y))
         if away <= SEEN:
             near.append((away, predicted.obstacle.id, predicted))
-    return tuple(_other(view, predicted) for _, _, predicted in sorted(near, key=lambda x: x[:2]))
+    near.sort(key=lambda x: x[:2])
+    return tuple(_other(view, predicted, away <= NEAR) for away, _, predicted in near)
 
 
-def _other(view: View, predicted: PredictedObstacle) -> Other:
+def _other(view: View, predicted: PredictedObstacle, near: bool) -> Other:
     obstacle = predicted.obstacle
     states = predicted.states
     if obstacle.is_static or not np.isfinite(states).any():
@@ -86,8 +89,7 @@ def _other(view: View, predicted: PredictedObstacle) -> Other:
         outline=outline_of(obstacle.outline),
         still=obstacle.is_static,
         states=pack_states(view, states),
-        occupancy=frames_of(_united(view, steps)),
-        assumed=predicted.assumptions,
+        occupancy=frames_of(_united(view, steps)) if near else None,
         dropped=predicted.dropped,
     )
 

@@ -21,7 +21,7 @@ class Decision {
         ...other,
         ring: unpackFrames(other.outline)[0],
         rows: unpackStates(other.states),
-        paths: unpackFrames(other.occupancy).map(pathOf),
+        paths: other.occupancy ? unpackFrames(other.occupancy).map(pathOf) : [],
       })),
     );
   }

@@ -20,7 +20,7 @@ class Camera {
     this.x = (xLow + xHigh) / 2;
     this.y = (yLow + yHigh) / 2;
     const scale = Math.min(this.wide / (xHigh - xLow), this.high / (yHigh - yLow));
-    this.scale = Math.min(Math.max(scale, 0.2), 40);
+    this.scale = Math.min(Math.max(scale, 0.2), 16); // nearer is of no use
   }
 
   look(x, y) {

@@ -28,8 +28,7 @@ class Pairs {
   }
 
   row(pair) {
-    const when =
-      pair.empty_step === null ? "" : `empty at step ${pair.empty_step}`;
+    const when = pair.empty_step === null ? "" : `at step ${pair.empty_step}`;
     return el(
       "div",
       {
@@ -40,8 +39,8 @@ class Pairs {
       },
       el("span", { class: "rank" }, pair.executed ? "▶ " : "", pair.rank === null ? "" : `${pair.rank}.`),
       el("span", { class: "pair-name" }, pairName(pair.pair)),
-      el("span", { class: "faint small when" }, when || (pair.executed ? "driven" : "")),
       badge(pair.status),
+      el("span", { class: "faint small when" }, when || (pair.executed ? "driven" : "")),
     );
   }
 
@@ -98,7 +97,7 @@ class PairDetail {
       !pair.asked &&
         el("p", { class: "faint small" }, "The decision did not ask for this pair; it was verified for this page alone, on the same ground."),
       el("h3", null, "What it must satisfy"),
-      formula(pair),
+      formula(pair, decision.data.parts),
       el("h3", null, "Size of its reachable set"),
       sizeChart(pair, decision.data),
     );
@@ -135,24 +134,21 @@ function symbols(text) {
   );
 }
 
-function formula(pair) {
+function formula(pair, parts) {
   const blamed = (part) => (pair.reason || "").includes(` ${part.name} [`);
   return el(
-    "table",
-    { class: "formula" },
-    el("caption", { class: "unseen" }, "Specification of the pair, all parts together"),
-    el("thead", null, el("tr", null, ["part", "formula", "in words"].map((x) => el("th", { scope: "col" }, x)))),
-    el(
-      "tbody",
-      null,
-      pair.parts.map((part) =>
-        el(
-          "tr",
-          { class: blamed(part) ? "blamed" : null },
-          el("th", { scope: "row" }, part.name, blamed(part) && el("span", { class: "unsafe-text" }, " ✗ the cause")),
-          el("td", null, el("code", null, symbols(part.text)), part.values !== part.text && el("code", { class: "faint values" }, symbols(part.values))),
-          el("td", null, part.words),
-        ),
+    "ul",
+    { class: "parts", "aria-label": "Specification of the pair: all of this together" },
+    pair.parts.map((name) => parts[name]).filter(Boolean).map((part) =>
+      el(
+        "li",
+        { class: blamed(part) ? "blamed" : null },
+        el("strong", null, part.name),
+        " ",
+        part.words,
+        blamed(part) && el("span", { class: "unsafe-text" }, " ✗ the cause"),
+        el("code", null, symbols(part.text)),
+        part.values !== part.text && el("code", { class: "faint values" }, symbols(part.values)),
       ),
     ),
   );

@@ -11,8 +11,11 @@ function ticks(low, high, count) {
 
 const tickText = (value, step) => value.toFixed(step >= 1 ? 0 : step >= 0.1 ? 1 : 2);
 
+// As wide as there is room, so that letters keep their size on a phone.
+const chartWidth = (most = 640) => Math.min(most, Math.max(300, innerWidth - 50));
+
 // Lines over time. lines: [{points: [[t, y]...], class, name}]; `cursor`: a function that gives t.
-function lineChart({ label, unit, end, lines, marks = [], low, high, zero = false, cursor, onseek, height = 120, wide = 640, first = true }) {
+function lineChart({ label, unit, end, lines, marks = [], low, high, zero = false, cursor, onseek, height = 120, wide = chartWidth(), first = true }) {
   const left = 44, right = 10, top = 8, below = first ? 24 : 8;
   const values = lines.flatMap((line) => line.points.map((p) => p[1])).concat(marks.map((m) => m.value)).filter(Number.isFinite);
   let yLow = low ?? Math.min(...values, zero ? 0 : Infinity), yHigh = high ?? Math.max(...values, zero ? 0 : -Infinity);
@@ -88,7 +91,7 @@ function sizeChart(pair, decision) {
     low: 0,
     cursor: () => state.ahead,
     height: 110,
-    wide: 440,
+    wide: chartWidth(440),
   });
   chart.className = "size";
   return chart;

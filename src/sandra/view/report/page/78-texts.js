@@ -4,7 +4,7 @@ function textCards(model) {
   const holder = el("div", { class: "texts" });
   const build = () => {
     const data = model.decisions[state.index].data;
-    replaceIn(holder, promptCard(data.prompt), el("div", { class: "stack" }, answerCard(data.answer), settingsCard(data)));
+    replaceIn(holder, promptCard(data.prompt, model.data.texts), el("div", { class: "stack" }, answerCard(data.answer), settingsCard(data)));
   };
   onChange(["index"], build);
   build();
@@ -20,14 +20,14 @@ function fold(title, ...children) {
   return node;
 }
 
-function promptCard(prompt) {
+function promptCard(prompt, texts) {
   const picture = /^data:image\/png;base64,[\w+/=]+$/.test(prompt.picture || "") && prompt.picture;
   return card(
     "What the ranker was told",
     { id: "prompt" },
-    fold("System text", textBox(prompt.system, "System text")),
+    fold("System text", textBox(texts[prompt.system] ?? "", "System text")),
     fold("User text", textBox(prompt.user, "User text")),
-    fold("Schema of the answer", textBox(prompt.schema, "Schema of the answer")),
+    fold("Schema of the answer", textBox(texts[prompt.schema] ?? "", "Schema of the answer")),
     picture && el("img", { src: picture, alt: "The picture that the model saw", class: "seen" }),
   );
 }

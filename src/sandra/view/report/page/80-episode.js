@@ -52,7 +52,7 @@ function robustnessChart(rule, end, cursor, onseek, first) {
 
 // One box for each decision: by what was driven, as colour and symbol.
 function operationStrip(model, onseek) {
-  const wide = 640, left = 44, right = 10, end = model.duration;
+  const wide = chartWidth(), left = 44, right = 10, end = model.duration;
   const x = (t) => left + ((wide - left - right) * t) / Math.max(end, 1e-9);
   const boxes = model.decisions.map((decision, i) => {
     const { data } = decision;

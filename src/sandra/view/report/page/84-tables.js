@@ -46,7 +46,7 @@ function intervalBars(chart) {
   const names = [...new Set(chart.bars.flatMap((bar) => bar.values.map((value) => value[0])))];
   const most = Math.max(1e-9, ...chart.bars.flatMap((bar) => bar.values.map((value) => value[3] ?? value[1]).filter(Number.isFinite)));
   const end = chart.unit === "%" ? 100 : most * 1.05;
-  const wide = 720, left = 230, high = 13;
+  const wide = chartWidth(720), left = Math.min(230, 0.38 * wide), high = 13;
   const x = (value) => left + ((wide - left - 46) * value) / end;
   let y = 4;
   const drawn = chart.bars.map((bar) => {
@@ -55,7 +55,7 @@ function intervalBars(chart) {
     return svg(
       "g",
       null,
-      svg("text", { class: "tick", x: left - 8, y: top + (bar.values.length * high) / 2 + 4, "text-anchor": "end" }, shortened(bar.name, 40), svg("title", null, bar.name)),
+      svg("text", { class: "tick", x: left - 8, y: top + (bar.values.length * high) / 2 + 4, "text-anchor": "end" }, shortened(bar.name, Math.floor(left / 5.8)), svg("title", null, bar.name)),
       bar.values.map(([name, value, low, upper], i) => {
         const at = top + i * high;
         if (!Number.isFinite(value)) return null;
@@ -73,7 +73,7 @@ function intervalBars(chart) {
 // Shares of a whole, one bar for each row.
 function shareBars(chart) {
   const names = [...new Set(chart.bars.flatMap((bar) => bar.values.map((value) => value[0])))];
-  const wide = 720, left = 230, high = 18;
+  const wide = chartWidth(720), left = Math.min(230, 0.38 * wide), high = 18;
   const drawn = chart.bars.map((bar, row) => {
     const whole = bar.values.reduce((sum, value) => sum + value[1], 0) || 1;
     let from = 0;
@@ -81,7 +81,7 @@ function shareBars(chart) {
     return svg(
       "g",
       null,
-      svg("text", { class: "tick", x: left - 8, y: top + 13, "text-anchor": "end" }, shortened(bar.name, 40), svg("title", null, bar.name)),
+      svg("text", { class: "tick", x: left - 8, y: top + 13, "text-anchor": "end" }, shortened(bar.name, Math.floor(left / 5.8)), svg("title", null, bar.name)),
       bar.values.map(([name, value]) => {
         const at = left + ((wide - left - 4) * from) / whole, room = ((wide - left - 4) * value) / whole;
         from += value;
