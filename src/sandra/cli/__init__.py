@@ -24,6 +24,7 @@ from sandra.cli import (
     label,
     monitor,
     prompt,
+    report,
     scenarios,
     verify,
 )
@@ -64,7 +65,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"sandra {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     deciding = (decide, verify, drive, prompt, certificate)
-    watching = (monitor, conformance, film, label, evaluate, dataset, bench, scenarios, demo)
+    watching = (report, monitor, conformance, film, label, evaluate, dataset, bench, scenarios, demo)
     for each in (*deciding, *watching):
         each.add(commands)
     return parser

@@ -18,7 +18,7 @@ def add(commands: Any) -> None:
         "sandra report runs/one --out one.html",
     )
     parser.add_argument(
-        "run",
+        "folder",
         metavar="RUN",
         help="a run folder of 'sandra drive', one of its episodes (RUN/seed-N), or a folder of "
         "'sandra evaluate closed-loop' or 'open-loop'",
@@ -37,7 +37,7 @@ def add(commands: Any) -> None:
 def _report(arguments: argparse.Namespace) -> int:
     from sandra.view.report import write_report
 
-    folder = Path(arguments.run)
+    folder = Path(arguments.folder)
     out = Path(arguments.out) if arguments.out else folder / "report.html"
     written = write_report(
         folder,

@@ -9,6 +9,7 @@ from sandra.view.report.episode import episode_document
 from sandra.view.report.frames import FrameLog
 from sandra.view.report.of_decision import decision_document
 from sandra.view.report.page import page, write
+from sandra.view.report.writing import write_report
 
 __all__ = [
     "FORMAT",
@@ -19,4 +20,5 @@ __all__ = [
     "episode_document",
     "page",
     "write",
+    "write_report",
 ]

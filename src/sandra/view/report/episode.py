@@ -66,10 +66,9 @@ def episode_document(folder: Path, home: str | None = None) -> Document:
         crash=_tick(measured.get("crashed", {}).get(str(scene.ego.id))),
         told=tuple(map(str, measured.get("told", ()))),
     )
-    title = f"{scene.name}"
     return Document(
         "episode",
-        title,
+        _title(how, measured) or scene.name,
         _facts(how, measured),
         maps=maps,
         decisions=tuple(decisions),
@@ -143,6 +142,13 @@ def _robustness(scene: Scene, stride: int, settings: Settings) -> tuple[Series, 
         )
         for rule in found.rules
     )
+
+
+def _title(how: dict[str, Any], measured: dict[str, Any]) -> str | None:
+    if "environment" not in how:
+        return None
+    setting = f", setting {how.get('setting')}" if how["environment"] == "highway" else ""
+    return f"{how['environment']}{setting}, seed {measured.get('seed')}"
 
 
 def _tick(value: Any) -> int | None:

@@ -28,7 +28,7 @@ function replaceIn(node, ...children) {
 
 // Links lead to pages beside this one, never elsewhere: a document may not choose a scheme.
 function link(href, text) {
-  const safe = /^[\w./%-]+\.html(#[\w=&-]*)?$/.test(href) && !href.startsWith("/");
+  const safe = /^(\.\.\/)?[\w-][\w./-]*\.html(#[\w=&-]*)?$/.test(href) && !href.startsWith("/");
   return safe ? el("a", { href }, text) : el("span", null, text);
 }
 
@@ -63,5 +63,7 @@ const badge = (status) =>
     el("span", { "aria-hidden": "true" }, `${SYMBOLS[status] || "?"} `),
     status,
   );
+
+const unitText = (unit) => unit.replaceAll("^2", "²");
 
 const pairName = (pair) => pair.replace(",", ", ");

@@ -103,6 +103,7 @@ function pathOf(rings) {
 function roadOf(map) {
   const fills = { lane: new Path2D(), current: new Path2D(), other: new Path2D() };
   const borders = new Path2D(), arrows = new Path2D();
+  const across = [Infinity, -Infinity]; // lowest and highest y of all
   for (const lane of map.lanes) {
     const [left, right] = unpackFrames(lane.borders)[0];
     const ring = new Float32Array(left.length + right.length);
@@ -116,11 +117,13 @@ function roadOf(map) {
       for (let i = 0; i < line.length; i += 2) {
         if (i === 0) borders.moveTo(line[0], line[1]);
         else borders.lineTo(line[i], line[i + 1]);
+        across[0] = Math.min(across[0], line[i + 1]);
+        across[1] = Math.max(across[1], line[i + 1]);
       }
     }
     if (lane.kind !== "other") addArrows(arrows, left, right);
   }
-  return { fills, borders, arrows, goal: map.goal ? pathOf(unpackFrames(map.goal)[0]) : null };
+  return { fills, borders, arrows, across, goal: map.goal ? pathOf(unpackFrames(map.goal)[0]) : null };
 }
 
 // Small arrow heads along the middle of a lane, where both borders have as many points.

@@ -59,9 +59,8 @@ class Stage {
   // Where the camera stands if the user has not moved it.
   frame() {
     if (!this.decision) return;
-    const focus = this.decision.data.focus;
     if (!this.model.episode) {
-      this.camera.fit(focus);
+      this.camera.fit(this.decision.data.focus);
       return;
     }
     const ego = this.egoNow();
@@ -69,8 +68,9 @@ class Stage {
     this.camera.scale = Math.min(this.camera.wide / wide, this.camera.high / 14);
     const ahead = 0.22 * (this.camera.wide / this.camera.scale);
     if (ego) this.camera.look(ego.x + ahead * Math.cos(ego.heading), ego.y + ahead * Math.sin(ego.heading));
-    const straight = focus[3] - focus[2] < 30;
-    if (straight) this.camera.y = (focus[2] + focus[3]) / 2;
+    // On a straight road the picture stands still across it.
+    const [low, high] = this.model.road(this.decision.data.map).across;
+    if (high - low < 40) this.camera.y = (low + high) / 2;
   }
 
   resize() {
@@ -78,7 +78,7 @@ class Stage {
     if (!wide || !this.decision) return;
     const [xLow, xHigh, yLow, yHigh] = this.decision.data.focus;
     let high = (wide * (yHigh - yLow)) / (xHigh - xLow);
-    if (this.model.episode) high = wide / 3.2;
+    if (this.model.episode) high = wide / 3.6;
     high = Math.round(Math.min(Math.max(high, 230), Math.max(300, 0.55 * innerHeight), 520));
     this.canvas.style.height = `${high}px`;
     this.camera.resize(wide, high);

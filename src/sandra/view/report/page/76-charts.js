@@ -62,7 +62,7 @@ function lineChart({ label, unit, end, lines, marks = [], low, high, zero = fals
     show();
   }
   if (onseek) seekable(root, left, wide - right, wide, end, onseek);
-  return el("figure", null, el("figcaption", { class: "small" }, label, unit && ` [${unit}]`), root);
+  return el("figure", null, el("figcaption", { class: "small" }, label, unit && ` [${unitText(unit)}]`), root);
 }
 
 // A drag or click on a chart is a time.

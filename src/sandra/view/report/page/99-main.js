@@ -63,7 +63,7 @@ function drivePage(model, main) {
 }
 
 function evaluationPage(data, main) {
-  replaceIn(main, el("div", { class: "evaluation" }, data.tables.map(tableCard), data.charts.map(chartCard)));
+  replaceIn(main, el("div", { class: "evaluation" }, data.tables.map(tableCard), el("div", { class: "charts" }, data.charts.map(chartCard))));
 }
 
 // Shows a document; what was chosen before is kept where it is still there.
