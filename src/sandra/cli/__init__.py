@@ -27,6 +27,7 @@ from sandra.cli import (
     report,
     scenarios,
     verify,
+    view,
 )
 from sandra.errors import SandraError
 
@@ -65,7 +66,19 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"sandra {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     deciding = (decide, verify, drive, prompt, certificate)
-    watching = (report, monitor, conformance, film, label, evaluate, dataset, bench, scenarios, demo)
+    watching = (
+        report,
+        view,
+        monitor,
+        conformance,
+        film,
+        label,
+        evaluate,
+        dataset,
+        bench,
+        scenarios,
+        demo,
+    )
     for each in (*deciding, *watching):
         each.add(commands)
     return parser

@@ -12,7 +12,7 @@ from sandra.view.shapes import View
 
 
 def curves(view: View, maneuver: Maneuver) -> tuple[Curve, ...]:
-    """Planned until the next decision, planned on from there, fail-safe; none for unknown states."""
+    """Planned until the next decision, planned on from there, fail-safe; none if not known."""
     if not np.isfinite(maneuver.states).all():
         return ()
     found = []

@@ -270,7 +270,7 @@ class Document:
     title: str
     facts: tuple[tuple[str, str], ...]
     """What is told at the top: (name, value)."""
-    maps: tuple[Map, ...] = ()
+    maps: tuple[Map | Mapping[str, Any], ...] = ()
     decisions: tuple[Decided | Mapping[str, Any], ...] = ()
     """As objects, or as a file already holds them."""
     texts: tuple[str, ...] = ()

@@ -1,7 +1,7 @@
 """The document of an episode, from the folder that `sandra drive` has written (docs/drive.md).
 
-Where the folder has a view.jsonl, the page shows the very sets and predictions of the drive; without
-one it shows what decisions.jsonl holds: verdicts, reasons, texts and what was driven.
+Where the folder has a view.jsonl, the page shows the very sets and predictions of the drive;
+without one it shows what decisions.jsonl holds: verdicts, reasons, texts and what was driven.
 """
 
 from __future__ import annotations
@@ -110,7 +110,9 @@ def settings_of(how: dict[str, Any]) -> Settings:
 def _tracks(view: View, scene: Scene) -> tuple[Track, ...]:
     assert scene.recorded_ego is not None
     ego = scene.ego
-    found = [Track(ego.id, "ego", outline_of(ego.outline), 0, pack_states(view, scene.recorded_ego))]
+    found = [
+        Track(ego.id, "ego", outline_of(ego.outline), 0, pack_states(view, scene.recorded_ego))
+    ]
     for obstacle in scene.obstacles:
         first, states = _present(obstacle.states)
         if len(states) == 0:

@@ -29,7 +29,7 @@ class Found:
 
 
 def kind_of(folder: Path) -> str:
-    """"episode", "run", "closed-loop" or "open-loop".
+    """ "episode", "run", "closed-loop" or "open-loop".
 
     Raises:
         SandraError: if the folder is none of these.
@@ -77,7 +77,10 @@ def run_document(run: Path, pages: str, linked: bool = True) -> Found:
             f"{m.get('distance', 0.0):.1f}",
             str(m.get("steps")),
             f"{100 * m.get('fail_safe_rate', 0.0):.0f}",
-            *(str(m.get("compliant_steps", {}).get(rule, "-")) for rule in ("R_G1", "R_G2", "R_G3")),
+            *(
+                str(m.get("compliant_steps", {}).get(rule, "-"))
+                for rule in ("R_G1", "R_G2", "R_G3")
+            ),
             operations,
             "; ".join(map(str, measured.get("told", ()))),
         )
@@ -92,7 +95,11 @@ def run_document(run: Path, pages: str, linked: bool = True) -> Found:
     )
     facts = tuple(
         (name, str(about.get(key) or "none"))
-        for name, key in (("ranked by", "ranker"), ("command", "command"), ("prediction", "prediction"))
+        for name, key in (
+            ("ranked by", "ranker"),
+            ("command", "command"),
+            ("prediction", "prediction"),
+        )
     )
     rules = ", ".join(about.get("rules") or ()) or "none"
     document = Document("evaluation", run.name, (*facts, ("rules", rules)), tables=(table,))
@@ -143,7 +150,11 @@ def open_loop_document(folder: Path) -> Document:
     """A folder of `sandra evaluate open-loop` or `rankings`."""
     tables = (
         table_of(folder / f"{file}.csv", name, title_in(folder / f"{file}.md", ""))
-        for file, name in (("scores", "Scores"), ("actions", "By action"), ("runtimes", "Durations"))
+        for file, name in (
+            ("scores", "Scores"),
+            ("actions", "By action"),
+            ("runtimes", "Durations"),
+        )
     )
     shown = tuple(table for table in tables if table is not None)
     charts = open_loop_charts(folder / "scores.json")
@@ -152,7 +163,9 @@ def open_loop_document(folder: Path) -> Document:
 
 def _behind(folder: Path, entry: Mapping[str, Any]) -> list[Path]:
     """The episodes of an entry: those of its run folder, and of the repeats of it."""
-    name = "".join(c if c.isalnum() or c in "-_." else "-" for c in str(entry["row"]).replace("/", "_"))
+    name = "".join(
+        c if c.isalnum() or c in "-_." else "-" for c in str(entry["row"]).replace("/", "_")
+    )
     runs = [x for x in folder.iterdir() if re.fullmatch(re.escape(name) + r"(_\d+)?", x.name)]
     found = [x for run in sorted(runs) for x in episodes_in(run / f"setting-{entry['setting']}")]
     return found
@@ -170,7 +183,7 @@ def _pages(folder: Path, episodes: list[Path], pages: str) -> dict[str, Path]:
     found: dict[str, Path] = {}
     for episode in episodes:
         text = "_".join(episode.relative_to(folder).parts)
-        safe = "".join(c if c.isalnum() and c.isascii() or c in "-_." else "-" for c in text)
+        safe = "".join(c if (c.isalnum() and c.isascii()) or c in "-_." else "-" for c in text)
         found[f"{pages}/{safe}.html"] = episode
     return found
 

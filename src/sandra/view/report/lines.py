@@ -51,7 +51,9 @@ def _decided(told: dict[str, Any], view: View, texts: list[str]) -> Decided:
     pairs = tuple(_pair(verdict, told) for verdict in told["verdicts"])
     vocabulary = Vocabulary.default()
     names = dict.fromkeys(name for pair in pairs for name in pair.parts)
-    parts = {x: Part(x, _text(x, vocabulary), _text(x, vocabulary), _words(x, vocabulary)) for x in names}
+    parts = {
+        x: Part(x, _text(x, vocabulary), _text(x, vocabulary), _words(x, vocabulary)) for x in names
+    }
     return Decided(
         step=int(told["step"]),
         time=int(told["step"]) * float(told["dt"]),

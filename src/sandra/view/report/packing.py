@@ -72,7 +72,9 @@ def pack_rows(rows: Array, scales: Sequence[float]) -> str:
         table = table.reshape(0, len(scales))
     numbers = whole(table * np.asarray(scales, dtype=float))
     above = np.vstack([np.zeros((1, numbers.shape[1]), dtype=np.int64), numbers[:-1]])
-    return _text(np.concatenate([np.array(numbers.shape), (numbers - above[: len(numbers)]).ravel()]))
+    return _text(
+        np.concatenate([np.array(numbers.shape), (numbers - above[: len(numbers)]).ravel()])
+    )
 
 
 def unpack_rows(text: str, scales: Sequence[float]) -> Array:

@@ -11,9 +11,11 @@ import base64
 import hashlib
 import json
 import re
+from collections.abc import Mapping
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 from sandra.errors import SandraError
 from sandra.view.report.document import Document
@@ -37,9 +39,10 @@ def write(document: Document, path: str | Path) -> Path:
     return where
 
 
-def page(document: Document, *, live: bool = False) -> str:
-    """The page's HTML; `live`: with what talks to the server that it came from."""
-    style, script = style_sheet(), scripts(live)
+def page(document: Document, *, live: Mapping[str, Any] | None = None) -> str:
+    """The page's HTML; `live`: what it needs for talking to the server that it comes from."""
+    style, script = style_sheet(), scripts(live is not None)
+    data = document.to_dict() | ({} if live is None else {"live": dict(live)})
     sources = {
         "default-src": "'none'",
         "script-src": f"'{_hash(script)}'",
@@ -48,14 +51,14 @@ def page(document: Document, *, live: bool = False) -> str:
         "base-uri": "'none'",
         "form-action": "'none'",
     }
-    if live:
+    if live is not None:
         sources["connect-src"] = "'self'"
     filled = {
         "policy": "; ".join(f"{name} {value}" for name, value in sources.items()),
         "title": _escaped(document.title[:200]),
         "style": style,
         "script": script,
-        "document": in_script(json.dumps(document.to_dict(), allow_nan=False, ensure_ascii=False)),
+        "document": in_script(json.dumps(data, allow_nan=False, ensure_ascii=False)),
     }
     # Split first: what is filled in is not searched for further marks.
     parts = re.split(r"\{\{(\w+)\}\}", _asset("template.html"))

@@ -46,7 +46,9 @@ def title_in(markdown: Path, otherwise: str) -> str:
     return next((x for x in lines if x.strip() and not x.startswith("|")), otherwise)
 
 
-def closed_loop_charts(entries: Sequence[Mapping[str, Any]], pairs: Mapping[str, Mapping[str, int]]) -> tuple[Chart, ...]:
+def closed_loop_charts(
+    entries: Sequence[Mapping[str, Any]], pairs: Mapping[str, Mapping[str, int]]
+) -> tuple[Chart, ...]:
     """Success, by what was driven, distance, and the distribution of actions.
 
     Args:
@@ -55,7 +57,9 @@ def closed_loop_charts(entries: Sequence[Mapping[str, Any]], pairs: Mapping[str,
     measured = [x for x in entries if x.get("success_rate") is not None]
     named = [(f"{x['row']}, setting {x['setting']}", x) for x in measured]
     success = tuple(
-        Bar(name, (("success", 100 * x["success_rate"], *(100 * y for y in x["success_interval"])),))
+        Bar(
+            name, (("success", 100 * x["success_rate"], *(100 * y for y in x["success_interval"])),)
+        )
         for name, x in named
     )
     distance = tuple(
@@ -74,9 +78,27 @@ def closed_loop_charts(entries: Sequence[Mapping[str, Any]], pairs: Mapping[str,
         if counts
     )
     charts = (
-        Chart("Success", "Episodes without a collision, with Wilson's 95 % interval.", "bars", "%", success),
-        Chart("Distance", "Mean distance over all episodes, to the collision where there was one.", "bars", "m", distance),
-        Chart("Driven by", "Share of all steps, by what the ego was driven.", "shares", "%", operations),
+        Chart(
+            "Success",
+            "Episodes without a collision, with Wilson's 95 % interval.",
+            "bars",
+            "%",
+            success,
+        ),
+        Chart(
+            "Distance",
+            "Mean distance over all episodes, to the collision where there was one.",
+            "bars",
+            "m",
+            distance,
+        ),
+        Chart(
+            "Driven by",
+            "Share of all steps, by what the ego was driven.",
+            "shares",
+            "%",
+            operations,
+        ),
         Chart("Actions", "What was driven, as a share of all steps.", "shares", "%", driven),
     )
     return tuple(chart for chart in charts if chart.bars)
@@ -89,12 +111,12 @@ def open_loop_charts(scores: Path) -> tuple[Chart, ...]:
 
     def bar(run: Mapping[str, Any]) -> Bar:
         name = f"baseline: {run['run']}" if run.get("baseline") else str(run["run"])
-        values = tuple(
-            (_rate(key), float(run[key]), *map(float, run[f"{key}_interval"]))
-            for key in RATES
-            if run.get(key) is not None and run.get(f"{key}_interval")
-        )
-        return Bar(name, values)
+        values = []
+        for key in RATES:
+            if run.get(key) is not None and run.get(f"{key}_interval"):
+                low, high = map(float, run[f"{key}_interval"])
+                values.append((_rate(key), float(run[key]), low, high))
+        return Bar(name, tuple(values))
 
     def seconds(run: Mapping[str, Any]) -> Bar:
         timed = run.get("seconds") or {}
@@ -109,7 +131,9 @@ def open_loop_charts(scores: Path) -> tuple[Chart, ...]:
     except (KeyError, TypeError, ValueError) as error:
         raise SandraError(f"{scores}: is no result of an evaluation ({error})") from None
     charts = (
-        Chart("Rates", "Per cent of all situations, with Wilson's 95 % interval.", "bars", "%", rates),
+        Chart(
+            "Rates", "Per cent of all situations, with Wilson's 95 % interval.", "bars", "%", rates
+        ),
         Chart("Durations", "Means.", "bars", "ms", times),
     )
     return tuple(chart for chart in charts if chart.bars)

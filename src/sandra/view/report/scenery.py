@@ -120,7 +120,9 @@ def pack_states(view: View, states: Array) -> str:
     """STATES of rows x, y, heading, speed, acceleration in the plane."""
     rows = np.array(np.atleast_2d(states)[:, :5], dtype=float)
     known = np.isfinite(rows[:, :3]).all(axis=1)
-    rows[:, :2] = np.where(known[:, None], view.points(np.where(known[:, None], rows[:, :2], 0.0)), np.nan)
+    rows[:, :2] = np.where(
+        known[:, None], view.points(np.where(known[:, None], rows[:, :2], 0.0)), np.nan
+    )
     turned = np.arctan2(view.rotation[1, 0], view.rotation[0, 0])
     # Unwrapped, so that a body between two rows does not turn the long way round.
     rows[known, 2] = np.unwrap(rows[known, 2] - turned)

@@ -67,5 +67,4 @@ def document_of(folder: Path, pages: str, *, linked: bool) -> Found:
 
 
 def _plain(text: str) -> str:
-    return "".join(c if c.isalnum() and c.isascii() or c in "-_." else "-" for c in text)
-
+    return "".join(c if (c.isalnum() and c.isascii()) or c in "-_." else "-" for c in text)

@@ -174,6 +174,15 @@ class Model {
     return this._tracks || [];
   }
 
+  // More decisions of an episode that is being driven.
+  extend(news) {
+    Object.assign(this.data, { maps: news.maps, texts: news.texts, episode: news.episode });
+    this.data.decisions.push(...news.decisions);
+    this.decisions.push(...news.decisions.map((decision) => new Decision(decision)));
+    this.episode = news.episode;
+    this._tracks = null;
+  }
+
   get duration() {
     return this.episode ? (this.episode.ticks - 1) * this.episode.dt : 0;
   }

@@ -174,9 +174,10 @@ function controls(model, stage, player) {
   );
   const show = () => {
     rows[rows.length - 1].input.max = decision().end;
+    if (model.episode) rows[0].input.max = model.duration;
     for (const row of rows) row.show();
   };
-  onChange(["time", "ahead", "index"], show);
+  onChange(["time", "ahead", "index", "grown"], show);
   show();
   const speed = el(
     "select",

@@ -56,7 +56,7 @@ function drivePage(model, main) {
       el("div", { class: "right" }, pairs.node, detail.node),
     ),
     textCards(model),
-    model.episode && el("section", { class: "card" }, decisionTable(model)),
+    model.episode && el("section", { class: "card", id: "all-decisions", "aria-label": "All decisions" }, decisionTable(model)),
   );
   stage.resize();
   return { model, stage, player };
@@ -106,7 +106,7 @@ function begin() {
     replaceIn(document.getElementById("main"), el("p", { class: "card" }, "This page holds no report that it can read."));
     return;
   }
-  const page = typeof startLive === "function" ? startLive(told) : showDocument(told);
+  const page = typeof startLive === "function" && told.live ? startLive(told) : showDocument(told);
   onKeys(page);
   onPrint(page);
   fromAddress(page);
