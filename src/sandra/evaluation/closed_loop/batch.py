@@ -11,12 +11,13 @@ from typing import Any
 
 from sandra.errors import SandraError
 from sandra.evaluation.closed_loop.drive import Drive, words
-from sandra.evaluation.closed_loop.folder import RunFolder
+from sandra.evaluation.closed_loop.folder import FramesOf, RunFolder
 from sandra.evaluation.workers import Broken, Workers, as_done
 from sandra.simulation.episode import Step
 
 Progress = Callable[[str], None]
-Job = tuple[Drive, int]
+Job = tuple[FramesOf | None, Drive, int]
+"""What writes view.jsonl, the drive and the seed."""
 
 
 def drive_all(
@@ -39,10 +40,12 @@ def drive_all(
             progress(f"{told}: done")
         return found
     known = {seed: folder.metrics(seed) for seed in seeds}
-    jobs: list[Job] = [(how, seed) for seed, metrics in known.items() if metrics is None]
+    jobs: list[Job] = [
+        (folder.frames, how, seed) for seed, metrics in known.items() if metrics is None
+    ]
     broken = []
-    with closing(as_done(one, jobs, workers, lambda job: job[0].files)) as answers:
-        for (_, seed), answer in answers:
+    with closing(as_done(one, jobs, workers, lambda job: job[1].files)) as answers:
+        for (_, _, seed), answer in answers:
             if isinstance(answer, Broken):
                 broken.append(f"seed {seed}: {answer.error}")
                 continue
@@ -56,9 +59,9 @@ def drive_all(
 
 def one(job: Job) -> dict[str, bytes]:
     """The files of one episode, driven elsewhere: only who gave the job writes into the run."""
-    how, seed = job
+    frames, how, seed = job
     with TemporaryDirectory() as place:
-        folder = RunFolder(Path(place))
+        folder = RunFolder(Path(place), frames)
         folder.drive(how, seed)
         return folder.packed(seed)
 

@@ -5,6 +5,7 @@
     RUN/seed-5838/certificates/       those of what was executed
     RUN/seed-5838/scenario.xml        all vehicles and the ego at every tick, as CommonRoad
     RUN/seed-5838/metrics.json
+    RUN/seed-5838/view.jsonl          what a page shows of each decision, if that is wanted
 
 An episode is written under another name and renamed when it is complete: what has its name is
 whole. A run goes on where it stopped, and never mixes with another one's data.
@@ -15,9 +16,10 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import IO, Any, Protocol
 
 from sandra.certificate import save
 from sandra.errors import SandraError
@@ -28,11 +30,27 @@ from sandra.scene.writing import write
 from sandra.simulation.episode import Episode, Step
 
 
+class Frames(Protocol):
+    """Writes what a page shows (`sandra.view.report.FrameLog`)."""
+
+    def note(self, step: Step) -> None:
+        """One decision."""
+        ...
+
+
+FramesOf = Callable[[IO[str]], Frames]
+"""Begins to write into an open file; a function or class of a module, so that it can be sent."""
+
+
 @dataclass(frozen=True, slots=True)
 class RunFolder:
-    """A folder that holds, or will hold, the episodes of one `Drive`."""
+    """A folder that holds, or will hold, the episodes of one `Drive`.
+
+    `frames` makes what writes view.jsonl into an open file; None: there is no such file.
+    """
 
     path: Path
+    frames: FramesOf | None = None
 
     def open(self, how: Drive, command_line: Sequence[str] = ()) -> None:
         """Begin the run, or go on with it.
@@ -82,9 +100,16 @@ class RunFolder:
         if known is not None:
             return known
         draft = self._draft(seed)
-        with (draft / "decisions.jsonl").open("w", encoding="utf-8") as log:
+        with ExitStack() as files:
+            log = files.enter_context((draft / "decisions.jsonl").open("w", encoding="utf-8"))
+            frames = None
+            if self.frames is not None:
+                view = files.enter_context((draft / "view.jsonl").open("w", encoding="utf-8"))
+                frames = self.frames(view)
 
             def note(step: Step) -> None:
+                if frames is not None:
+                    frames.note(step)
                 log.write(json.dumps(_finite(_decision(step)), allow_nan=False) + "\n")
                 picture = step.decision.prompt.picture
                 if picture is not None:

@@ -184,8 +184,8 @@ def tabulate(
 
 
 def _one(case: tuple[Run, int]) -> dict[str, bytes]:
-    (_, _, _, how), seed = case
-    return one((how, seed))
+    (folder, _, _, how), seed = case
+    return one((folder.frames, how, seed))
 
 
 def _folder(row: Row, how: Drive) -> str:
