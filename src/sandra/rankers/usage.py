@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from sandra.errors import SettingsError
+from sandra.scene.sent import content_of
 
 _MOST = 10**9
 """A server that counts more tokens in one answer is not believed."""
@@ -124,7 +125,7 @@ def load_prices(path: str | Path) -> dict[str, Price]:
         SettingsError: if the file is missing, is not TOML, or holds a bad value.
     """
     try:
-        data = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+        data = tomllib.loads(content_of(Path(path)).decode())
     except OSError as error:
         raise SettingsError(f"{path}: cannot be read ({error.strerror}); check the path") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
