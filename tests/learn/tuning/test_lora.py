@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import json
-import random
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 import tiny_model
-from sandra.actions import ALL_PAIRS, ActionPair
+from sandra.actions import ActionPair
 from sandra.cli import main
 from sandra.describe import Prompt
-from sandra.describe.schema import answer_schema
 from sandra.errors import SandraError, SettingsError
 from sandra.learn.export import answer
 from sandra.learn.rows import Row
@@ -23,8 +21,8 @@ from sandra.learn.tuning.lora import Recipe, tune
 from sandra.learn.tuning.measure import measure, prompt_of
 from sandra.rankers import Ranking, create
 from sandra.rankers.local.folder import folder
+from tuning_rows import LABEL, row
 
-LABEL = "decelerate,left-lane"
 HOW = [
     "--rank",
     "8",
@@ -39,18 +37,6 @@ HOW = [
     "--loss",
     "label",
 ]
-PAIRS = tuple(map(str, ALL_PAIRS))
-REST = tuple(pair for pair in PAIRS if pair != LABEL)
-
-
-def row(number: int, split: str) -> Row:
-    """Everybody goes left, slower: nothing that the model knows. Short, so that it is quick."""
-    rest = random.Random(number).sample(REST, 2)
-    return Row(
-        status="labelled", split=split, scenario=f"{number}.xml", ego=1, step=number, label=LABEL,
-        system="Rank 3 pairs.", user=f"Vehicle {number} drives {3 * number} m in front of the ego.",
-        schema=answer_schema(ALL_PAIRS, 3), feasible=PAIRS, ranking=(LABEL, *rest),
-    )  # fmt: skip
 
 
 @pytest.fixture(scope="module")

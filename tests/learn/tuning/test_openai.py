@@ -18,19 +18,11 @@ from sandra.learn.tuning.hosted import Hosted
 from sandra.learn.tuning.order import Estimate, Order, usual_passes
 from sandra.learn.tuning.provider import Provider
 from sandra.rankers import create
+from tuning_rows import row
 from tuning_server import KEY, MODEL, Fault, TuningServer, refusal, tuning_server
 
 CREATE, LOOK, UPLOAD = "POST /fine_tuning/jobs", "GET /fine_tuning/jobs/ID", "POST /files"
 LEARNING = ("validating_files", "queued", "running", "running", "succeeded")
-PAIRS = ("keep,follow-lane", "stop,follow-lane", "keep,left-lane")
-
-
-def row(number: int, split: str) -> Row:
-    return Row(
-        status="labelled", split=split, scenario=f"{number}.xml", ego=1, step=number,
-        label=PAIRS[0], system="Rank.", user=f"Car {number} is ahead.", schema={"type": "object"},
-        feasible=PAIRS, ranking=PAIRS,
-    )  # fmt: skip
 
 
 @pytest.fixture(autouse=True)
@@ -91,7 +83,7 @@ def test_from_rows_to_a_ranker(
     assert {name: len(found) for name, found in lines.items()} == {"training": 12, "validation": 3}
     first = lines["training"][0]["messages"]
     assert [m["role"] for m in first] == ["system", "user", "assistant"]
-    assert json.loads(first[2]["content"])["ranking"][0]["longitudinal"] == "keep"
+    assert json.loads(first[2]["content"])["ranking"][0]["longitudinal"] == "decelerate"
 
     with (tmp_path / "run" / "loss.csv").open() as file:
         curve = list(csv.DictReader(file))
