@@ -7,7 +7,12 @@ folder=${1:?name a folder for recordings and training}
 weights=$(dirname "$0")/../src/sandra/rankers/inside/weights
 mkdir -p "$folder"
 
-record() { sandra dataset record --out "$folder/$1" --seed "$2" --episodes "$3" --workers auto; }
+record() {
+    name=$1 seed=$2 episodes=$3
+    shift 3
+    sandra dataset record --out "$folder/$name" --seed "$seed" --episodes "$episodes" \
+        --workers auto "$@"
+}
 
 rows() {
     from=$1 out=$folder/$2.jsonl
@@ -18,14 +23,19 @@ rows() {
 record rec 0 320
 record rec1 320 200
 record rec2 520 160
+record rec4 1000 240 --environments merge,roundabout
 rows "$folder/rec" h15 --horizon 15 --windows 8 --balance 1500 --variety 0.25
 rows "$folder/rec1" h10 --horizon 10 --windows 6 --balance 1000 --variety 0.25
 rows "$folder/rec2" h25 --horizon 25 --windows 6 --balance 1000 --variety 0.25
+rows "$folder/rec4" lanes --horizon 15 --windows 8 --balance 400 --variety 0.25
 rows "$(dirname "$0")/../src/sandra/scenarios" shipped --horizon 20 --windows 6 --variety 0.25
 
 sandra finetune scratch "$folder/h15.jsonl" "$folder/h10.jsonl" "$folder/h25.jsonl" \
     "$folder/shipped.jsonl" --out "$folder/run" --steps 2100
-cp "$folder"/run/model/* "$folder/run/card.json" "$weights/"
+sandra finetune scratch "$folder/h15.jsonl" "$folder/h10.jsonl" "$folder/h25.jsonl" \
+    "$folder/lanes.jsonl" "$folder/shipped.jsonl" --base "$folder/run/model" \
+    --out "$folder/more" --steps 1000 --rate 1e-3 --prompt-weight 0.01
+cp "$folder"/more/model/* "$folder/more/card.json" "$weights/"
 
 # Held out: other seeds.
 record held 5000 200
