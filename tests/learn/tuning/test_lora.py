@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -127,6 +128,17 @@ def test_other_rows_are_another_run(
     words = ["finetune", "lora", str(other), "--model", f"hf:{tiny}/model", "--out", str(adapter)]
     assert main([*words, *HOW]) == 2
     assert "differs in data" in capsys.readouterr().err
+
+
+def test_a_missing_package_is_named(
+    tiny: Path, data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    monkeypatch.setitem(sys.modules, "trl", None)
+    words = ["finetune", "lora", str(data), "--model", f"hf:{tiny}/model"]
+    assert main([*words, "--out", str(tmp_path / "new")]) == 2
+    assert "pip install 'sandra[local,finetune]'" in capsys.readouterr().err
+    assert not (tmp_path / "new").exists()
 
 
 def test_an_interrupted_run_goes_on_and_ends_the_same(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import json
 from collections.abc import Iterator
 from pathlib import Path
@@ -124,6 +125,21 @@ def test_nothing_is_sent_before_it_is_agreed_to(
     assert "about 0.0" in told
     assert "USD" in told
     assert server.seen == []
+
+
+@pytest.mark.parametrize(("said", "status"), [("n\n", 2), ("\n", 2), ("", 2), ("y\n", 0)])
+def test_at_a_terminal_it_asks(
+    said: str, status: int, server: TuningServer, data: Path, tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    terminal = io.StringIO(said)
+    monkeypatch.setattr(terminal, "isatty", lambda: True)
+    monkeypatch.setattr("sys.stdin", terminal)
+    words = ["finetune", "openai", str(data), "--model", MODEL, "--base-url", server.url]
+    assert main([*words, "--out", str(tmp_path / "run"), "--every", "0.001"]) == status
+    assert "Upload the rows and start the job?" in capsys.readouterr().err
+    assert len(server.jobs) == (status == 0)
+    assert bool(server.seen) == (status == 0)
 
 
 def test_an_estimate_multiplies_tokens_passes_and_the_price(data: Path, tmp_path: Path) -> None:
