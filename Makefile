@@ -109,7 +109,7 @@ example-shield: .venv-shield/.installed  ## a DQN is trained, then drives withou
 	@touch $@
 
 lock:  ## resolve requirements.lock anew (needs uv)
-	uv pip compile --quiet --universal --python-version 3.11 --extra highway --extra local --extra distributed --extra finetune --group dev --generate-hashes \
+	uv pip compile --quiet --universal --python-version 3.11 --extra highway --extra local --extra distributed --extra finetune --extra view --group dev --generate-hashes \
 	  --overrides scripts/without-torch.txt \
 	  --no-emit-index-url --no-emit-find-links --custom-compile-command "make lock" \
 	  --output-file requirements.lock pyproject.toml
