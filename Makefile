@@ -24,7 +24,7 @@ help:  ## list the targets
 	$(BIN)/python -m pip check --disable-pip-version-check
 	@touch $@
 
-demo: .venv/.installed  ## decide the intersection scenario with the built-in ranker; pictures in demo/
+demo: .venv/.installed  ## decide the intersection scenario with the language model that comes along; pictures in demo/
 	$(BIN)/sandra demo
 
 test: .venv/.installed  ## the tests

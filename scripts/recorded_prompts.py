@@ -7,7 +7,7 @@ The prompts are those that the paper's authors recorded: text, without the scena
 They are ranked twice: as recorded, and with the same facts told in our sentences, in which
 orientations are relative to the ego's. Labels come from the recorded rankings. Accelerations and
 steering angles are all 0 in these prompts. Whatever is not told (a road's type, a speed limit, who
-is beside whom by how much) is not known. Needs pandas and pyarrow.
+is beside whom by how much) is not known. Needs pyarrow.
 """
 
 from __future__ import annotations
@@ -123,6 +123,14 @@ def prompts_of(recorded: str) -> tuple[Prompt, Prompt]:
     return theirs, ours
 
 
+def recorded(path: Path) -> dict[str, str]:
+    """By scenario, the text of its prompt."""
+    from pyarrow.parquet import read_table
+
+    columns = read_table(path).to_pydict()
+    return dict(zip(columns["ScenarioID"], columns["prompt"], strict=True))
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("prompts", type=Path, help="mona_prompts.parquet")
@@ -130,9 +138,7 @@ def main() -> None:
     parser.add_argument("--ranker", action="append", help="default: embedded and rules")
     parser.add_argument("--out", type=Path, default=Path("recorded-prompts.csv"))
     arguments = parser.parse_args()
-    import pandas
-
-    asked = pandas.read_parquet(arguments.prompts)["prompt"]
+    asked = recorded(arguments.prompts)
     with arguments.rankings.open(encoding="utf-8") as file:
         labels = {r["scenario_id"]: (r["label_lon"], r["label_lat"]) for r in csv.DictReader(file)}
     places = [f"{part}{n}" for n in (1, 2, 3) for part in ("lon", "lat")]

@@ -150,15 +150,27 @@ def test_a_run_goes_on_where_it_stopped(data: Path, made: Path, tmp_path: Path) 
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        from_scratch([data], out, RECIPE, stop)
+        from_scratch([data], out, RECIPE, progress=stop)
     begun = (out / "loss.csv").read_text(encoding="utf-8")
     steps: list[int] = []
-    again = from_scratch([data], out, RECIPE, lambda done, total, name: steps.append(done))
+    again = from_scratch([data], out, RECIPE, progress=lambda done, total, name: steps.append(done))
     assert min(steps) > 3
     assert set(begun.splitlines()[:5]) <= set((out / "loss.csv").read_text().splitlines())
     whole = (made / "loss.csv").read_text(encoding="utf-8").splitlines()
     assert again.curve.validation[-1][0] == 8
     assert again.curve.validation[-1][1] == pytest.approx(float(whole[-1].split(",")[2]), rel=0.02)
+
+
+def test_a_trained_model_is_gone_on_with(data: Path, made: Path, tmp_path: Path) -> None:
+    """The loss begins about where it had ended, with the same tokenizer."""
+    slow = replace(RECIPE, pace=Pace(steps=2, batch=4, rate=1e-5))
+    more = from_scratch([data], tmp_path / "more", slow, made / "model")
+    whole = (made / "loss.csv").read_text(encoding="utf-8").splitlines()
+    assert more.curve.validation[-1][1] == pytest.approx(float(whole[-1].split(",")[2]), rel=0.02)
+    old, new = (x / "tokenizer.json" for x in (made / "model", more.folder))
+    assert json.loads(old.read_text())["model"] == json.loads(new.read_text())["model"]
+    with pytest.raises(SandraError, match=r"no model\.safetensors"):
+        from_scratch([data], tmp_path / "none", slow, tmp_path)
 
 
 def test_another_recipe_needs_another_folder(data: Path, made: Path) -> None:

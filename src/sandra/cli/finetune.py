@@ -42,6 +42,11 @@ def _add_scratch(actions: Any) -> None:
         "rows", nargs="+", metavar="FILE.jsonl", help="of 'sandra dataset build'; several are one"
     )
     parser.add_argument("--out", required=True, metavar="DIR", help="a new folder, or one begun")
+    parser.add_argument(
+        "--base",
+        metavar="FOLDER",
+        help="the model of an earlier run, to go on with; its shape and tokenizer stay",
+    )
     parser.add_argument("--width", type=int, default=192, metavar="N", help="of the stream")
     parser.add_argument("--layers", type=int, default=4, metavar="N", help="of the model")
     parser.add_argument("--inner", type=int, default=512, metavar="N", help="width inside a layer")
@@ -99,6 +104,7 @@ def _scratch(arguments: argparse.Namespace) -> int:
         [Path(name) for name in arguments.rows],
         out,
         recipe,
+        None if arguments.base is None else Path(arguments.base),
         lambda at, total, name: progress(bar(at, total, name)),
     )
     progress("")
@@ -116,6 +122,7 @@ def _scratch(arguments: argparse.Namespace) -> int:
             "seconds": round(done.seconds),
             "loss of training, at the end": done.curve.training[-1][1],
             "loss of validation, at the end": done.curve.validation[-1][1],
+            "base": arguments.base or "none",
             "shape": recipe.shape.to_dict(),
             "pace": recipe.to_dict()["pace"],
             "weight of a prompt's token": recipe.prompt_weight,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
 
 from sandra.errors import SettingsError
@@ -60,3 +61,13 @@ def new_model(shape: Shape, tokenizer: Any, seed: int) -> Any:
         pad_token_id=tokenizer.pad_token_id,
     )
     return transformers.Qwen3ForCausalLM(config)
+
+
+def old_model(folder: Path) -> tuple[Any, Any]:
+    """Tokenizer and model of a folder, in 32-bit floats."""
+    torch, transformers = package("torch"), package("transformers")
+    tokenizer = transformers.AutoTokenizer.from_pretrained(folder, local_files_only=True)
+    model = transformers.AutoModelForCausalLM.from_pretrained(
+        folder, dtype=torch.float32, local_files_only=True
+    )
+    return tokenizer, model

@@ -23,7 +23,7 @@ from sandra.errors import SandraError, SettingsError
 from sandra.learn.rows import Row
 from sandra.learn.tuning.curve import Curve
 from sandra.learn.tuning.examples import conversation, digest, example, labelled
-from sandra.learn.tuning.model import Shape, new_model
+from sandra.learn.tuning.model import Shape, new_model, old_model
 from sandra.learn.tuning.tokenizer import tokenizer_of
 from sandra.learn.tuning.trainer import Pace, Weighted, trained
 
@@ -79,26 +79,36 @@ def from_scratch(
     files: Sequence[Path],
     out: Path,
     recipe: Recipe,
+    base: Path | None = None,
     progress: Callable[[int, int, str], None] = lambda done, total, name: None,
 ) -> Trained:
     """Train a new model on the rows of split "train"; "validation" is measured beside.
 
     Args:
-        files: of `sandra dataset build`. progress: is told (steps done, all steps, the loss).
+        files: of `sandra dataset build`.
+        base: a folder that an earlier run has written: its tokenizer, shape and weights are gone on
+            with, and `recipe.shape` does not count.
+        progress: is told (steps done, all steps, the loss).
 
     Raises:
         SandraError: no labelled row, a folder of another recipe, or a missing package.
     """
-    data = digest(files)
+    weights = None if base is None else base / "model.safetensors"
+    if weights is not None and not weights.is_file():
+        raise SandraError(f"{base}: there is no model.safetensors; name a folder of an earlier run")
+    data = digest([*files, *([] if weights is None else [weights])])
     rows, held = labelled(files, "train"), labelled(files, "validation")
     _begin(out, {"recipe": recipe.to_dict(), "data": data})
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the libraries warn of each other
-        read = map(conversation, _some(rows, _MOST_READ))
-        tokenizer = tokenizer_of(read, recipe.shape.vocabulary)
+        if base is None:
+            read = map(conversation, _some(rows, _MOST_READ))
+            tokenizer = tokenizer_of(read, recipe.shape.vocabulary)
+            model = new_model(recipe.shape, tokenizer, recipe.seed)
+        else:
+            tokenizer, model = old_model(base)
         train = [example(row, tokenizer) for row in _evened(rows, recipe.evenness)]
         validation = [example(row, tokenizer) for row in _some(held, _MOST_HELD)]
-        model = new_model(recipe.shape, tokenizer, recipe.seed)
         begin = time.monotonic()
         curve = trained(
             model,

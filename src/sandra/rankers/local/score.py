@@ -101,6 +101,10 @@ class ScoreRanker:
         """Score all feasible pairs already; see `Scoring`."""
         return Scoring(self, prompt, self.deadline if deadline is None else deadline)
 
+    def count_tokens(self, text: str) -> int:
+        """The tokens of a text, by the model's own tokenizer."""
+        return len(self._model.tokens_of(text))
+
     def scores(self, prompt: Prompt, deadline: Deadline) -> Scores | None:
         """Of every feasible pair; None if the deadline passed first."""
         with self._model.turns.turn(deadline) as mine:
@@ -183,10 +187,12 @@ class Scoring:
             return replace(ranking, failure=Failure.TIMEOUT, detail=detail)
         scores = {pair: outcome.value[pair] for pair in prompt.feasible}
         best = sorted(scores, key=lambda pair: -scores[pair])[: prompt.k]
-        told = _told(scores, best)
+        shares = _told(scores, best)
         if self._answers:
             written = OPENING + ", ".join(map(_text, best)) + "]}"
+            told = f"Likelihood of each pair as the answer: {shares}."
             return replace(parse_answer(written, prompt, self._name), reasoning=told)
+        told = f"Likelihood of each pair as an answer, nothing is written: {shares}."
         return replace(ranking, pairs=tuple(best), reasoning=told)
 
     def stop(self) -> None:
@@ -261,5 +267,4 @@ def _told(scores: Scores, best: Sequence[ActionPair]) -> str:
     values = np.array(list(scores.values()))
     shares = np.exp(values - _log_sum(values))
     of = dict(zip(scores, shares, strict=True))
-    words = ", ".join(f"{pair} {of[pair]:.0%}" for pair in best)
-    return f"Likelihood of each pair as an answer, nothing is written: {words}."
+    return ", ".join(f"{pair} {of[pair]:.0%}" for pair in best)
