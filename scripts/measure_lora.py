@@ -161,7 +161,7 @@ def main(words: list[str] | None = None) -> None:
     parser.add_argument("--seeds", type=int, default=3, help="trainings")
     parser.add_argument("--episodes", type=int, default=40, help="to tune on, and as many to test")
     parser.add_argument("--lora", default="--loss label --rate 2e-3 --epochs 1 --batch 8")
-    parser.add_argument("--tuning-rows", type=int, default=400, help="at most, evenly")
+    parser.add_argument("--tuning-rows", type=int, default=300, help="at most, evenly")
     parser.add_argument("--test-rows", type=int, default=400, help="at most, evenly; 0: all")
     chosen = parser.parse_args(words)
     out = chosen.out

@@ -39,6 +39,9 @@ class TuningServer(ThreadingHTTPServer):
 
     def __init__(self) -> None:
         super().__init__(("127.0.0.1", 0), _Handler)
+        self.key: str | None = KEY
+        """None: any will do."""
+        self.models = {MODEL}
         self.plan: tuple[str, ...] = PLAN
         self.failure: dict[str, Any] | None = None
         self.steps = 3
@@ -72,7 +75,7 @@ class TuningServer(ThreadingHTTPServer):
     def create(self, body: dict[str, Any]) -> tuple[int, Any]:
         if set(body) - FIELDS:
             return 400, refusal(f"Unrecognized request arguments: {sorted(set(body) - FIELDS)}")
-        if body["model"] != MODEL:
+        if body["model"] not in self.models:
             words = f"The model `{body['model']}` does not exist or you do not have access to it."
             return 404, refusal(words, "model_not_found")
         for name in ("training_file", "validation_file"):
@@ -121,7 +124,10 @@ class TuningServer(ThreadingHTTPServer):
         job |= {"status": status}
         if status == "succeeded":
             suffix = job.get("suffix", "")
-            job |= {"fine_tuned_model": f"ft:{MODEL}:org::{suffix}7p4", "trained_tokens": 4321}
+            job |= {
+                "fine_tuned_model": f"ft:{job['model']}:org::{suffix}7p4",
+                "trained_tokens": 4321,
+            }
             self.tell(number, "The job has successfully completed")
         if status == "failed":
             job |= {"error": self.failure}
@@ -160,8 +166,9 @@ class _Handler(BaseHTTPRequestHandler):
             if server.faults[what]:
                 self._answer(server.faults[what].pop(0))
                 return
-            if self.headers["authorization"] != f"Bearer {KEY}":
-                words = f"Incorrect API key provided: {self.headers['authorization']}."
+            shown = self.headers["authorization"]
+            if server.key is not None and shown != f"Bearer {server.key}":
+                words = f"Incorrect API key provided: {shown}."
                 self._answer((401, refusal(words, "invalid_api_key")))
                 return
             found = self._carry_out(what, parts.path, parse_qs(parts.query), body)

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import json
-import random
+import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 import tiny_model
-from sandra.actions import ALL_PAIRS, ActionPair
+from sandra.actions import ActionPair
 from sandra.cli import main
 from sandra.describe import Prompt
-from sandra.describe.schema import answer_schema
 from sandra.errors import SandraError, SettingsError
 from sandra.learn.export import answer
 from sandra.learn.rows import Row
@@ -23,8 +22,8 @@ from sandra.learn.tuning.lora import Recipe, tune
 from sandra.learn.tuning.measure import measure, prompt_of
 from sandra.rankers import Ranking, create
 from sandra.rankers.local.folder import folder
+from tuning_rows import LABEL, row
 
-LABEL = "decelerate,left-lane"
 HOW = [
     "--rank",
     "8",
@@ -39,18 +38,6 @@ HOW = [
     "--loss",
     "label",
 ]
-PAIRS = tuple(map(str, ALL_PAIRS))
-REST = tuple(pair for pair in PAIRS if pair != LABEL)
-
-
-def row(number: int, split: str) -> Row:
-    """Everybody goes left, slower: nothing that the model knows. Short, so that it is quick."""
-    rest = random.Random(number).sample(REST, 2)
-    return Row(
-        status="labelled", split=split, scenario=f"{number}.xml", ego=1, step=number, label=LABEL,
-        system="Rank 3 pairs.", user=f"Vehicle {number} drives {3 * number} m in front of the ego.",
-        schema=answer_schema(ALL_PAIRS, 3), feasible=PAIRS, ranking=(LABEL, *rest),
-    )  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -141,6 +128,17 @@ def test_other_rows_are_another_run(
     words = ["finetune", "lora", str(other), "--model", f"hf:{tiny}/model", "--out", str(adapter)]
     assert main([*words, *HOW]) == 2
     assert "differs in data" in capsys.readouterr().err
+
+
+def test_a_missing_package_is_named(
+    tiny: Path, data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    monkeypatch.setitem(sys.modules, "trl", None)
+    words = ["finetune", "lora", str(data), "--model", f"hf:{tiny}/model"]
+    assert main([*words, "--out", str(tmp_path / "new")]) == 2
+    assert "pip install 'sandra[local,finetune]'" in capsys.readouterr().err
+    assert not (tmp_path / "new").exists()
 
 
 def test_an_interrupted_run_goes_on_and_ends_the_same(

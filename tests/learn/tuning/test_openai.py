@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import json
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,19 +19,11 @@ from sandra.learn.tuning.hosted import Hosted
 from sandra.learn.tuning.order import Estimate, Order, usual_passes
 from sandra.learn.tuning.provider import Provider
 from sandra.rankers import create
+from tuning_rows import row
 from tuning_server import KEY, MODEL, Fault, TuningServer, refusal, tuning_server
 
 CREATE, LOOK, UPLOAD = "POST /fine_tuning/jobs", "GET /fine_tuning/jobs/ID", "POST /files"
 LEARNING = ("validating_files", "queued", "running", "running", "succeeded")
-PAIRS = ("keep,follow-lane", "stop,follow-lane", "keep,left-lane")
-
-
-def row(number: int, split: str) -> Row:
-    return Row(
-        status="labelled", split=split, scenario=f"{number}.xml", ego=1, step=number,
-        label=PAIRS[0], system="Rank.", user=f"Car {number} is ahead.", schema={"type": "object"},
-        feasible=PAIRS, ranking=PAIRS,
-    )  # fmt: skip
 
 
 @pytest.fixture(autouse=True)
@@ -91,7 +84,7 @@ def test_from_rows_to_a_ranker(
     assert {name: len(found) for name, found in lines.items()} == {"training": 12, "validation": 3}
     first = lines["training"][0]["messages"]
     assert [m["role"] for m in first] == ["system", "user", "assistant"]
-    assert json.loads(first[2]["content"])["ranking"][0]["longitudinal"] == "keep"
+    assert json.loads(first[2]["content"])["ranking"][0]["longitudinal"] == "decelerate"
 
     with (tmp_path / "run" / "loss.csv").open() as file:
         curve = list(csv.DictReader(file))
@@ -132,6 +125,21 @@ def test_nothing_is_sent_before_it_is_agreed_to(
     assert "about 0.0" in told
     assert "USD" in told
     assert server.seen == []
+
+
+@pytest.mark.parametrize(("said", "status"), [("n\n", 2), ("\n", 2), ("", 2), ("y\n", 0)])
+def test_at_a_terminal_it_asks(
+    said: str, status: int, server: TuningServer, data: Path, tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    terminal = io.StringIO(said)
+    monkeypatch.setattr(terminal, "isatty", lambda: True)
+    monkeypatch.setattr("sys.stdin", terminal)
+    words = ["finetune", "openai", str(data), "--model", MODEL, "--base-url", server.url]
+    assert main([*words, "--out", str(tmp_path / "run"), "--every", "0.001"]) == status
+    assert "Upload the rows and start the job?" in capsys.readouterr().err
+    assert len(server.jobs) == (status == 0)
+    assert bool(server.seen) == (status == 0)
 
 
 def test_an_estimate_multiplies_tokens_passes_and_the_price(data: Path, tmp_path: Path) -> None:

@@ -128,9 +128,9 @@ def tune(
         SandraError: a missing package, a folder of another recipe or without a model, no row that
             is short enough.
     """
-    _begin(out, {"recipe": asdict(recipe), "data": data, "model": fingerprint(model)})
-    for name in ("trl", "peft", "datasets"):
+    for name in ("torch", "transformers", "peft", "datasets", "trl"):
         package(name)
+    _begin(out, {"recipe": asdict(recipe), "data": data, "model": fingerprint(model)})
     with _quiet():
         folder = Folder(model, device=device)
         examples, too_long = fitting(train, folder.tokenizer, recipe)
