@@ -62,8 +62,8 @@ function operationStrip(model, onseek) {
     const uncovered = data.covered === false;
     return svg(
       "g",
-      { class: `operation ${data.operation in OPERATIONS ? data.operation : ""}` },
-      svg("rect", { x: x(data.time), y: 2, width: Math.max(room - (room > 4 ? 1 : 0), 0.5), height: 20 }),
+      { class: `operation ${data.operation in OPERATIONS ? data.operation : ""}${room > 5 ? "" : " narrow"}` },
+      svg("rect", { x: x(data.time), y: 2, width: Math.max(room - (room > 5 ? 1 : 0), 0.5), height: 20 }),
       room > 11 && svg("text", { x: x(data.time) + room / 2, y: 16, "text-anchor": "middle" }, symbol),
       uncovered && svg("path", { class: "uncovered", d: `M${x(data.time)} 26h${Math.max(room - 1, 0.5)}` }),
       svg("title", null, `decision ${data.step + 1}: ${data.operation}${words ? `, ${words}` : ""}${data.executed.pair ? `; ${pairName(data.executed.pair)}` : ""}${uncovered ? "; no fail-safe is known to be clear" : ""}`),
