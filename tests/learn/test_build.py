@@ -16,6 +16,7 @@ from sandra.describe import describe
 from sandra.errors import SandraError, ScenarioError, SettingsError
 from sandra.evaluation.dataset.build import AUTO, build
 from sandra.evaluation.dataset.folder import DataFolder
+from sandra.evaluation.journal import Journal
 from sandra.learn.episodes import SPLITS, Recipe
 from sandra.learn.export import answer, estimated_tokens, example
 from sandra.learn.record import play, save
@@ -218,7 +219,12 @@ def test_an_interrupted_build_goes_on_and_ends_the_same(recorded, built, tmp_pat
 
 def test_a_draft_of_another_build_is_not_gone_on_with(recorded, tmp_path):
     out = tmp_path / "data.jsonl"
-    out.with_name("data.jsonl.draft").write_text('{"about": {}}\n{"done": "train/nothing.xml"}\n')
+    draft = out.with_name("data.jsonl.draft")
+    about = {"folder": str(recorded.resolve()), **HOW.to_dict()}
+    Journal(draft, about).add("train/nothing.xml", [])
+    with pytest.raises(SandraError, match=r"differs in vehicles; .*remove it"):
+        build(recorded, out, replace(HOW, vehicles=1))
+    draft.unlink()
     build(recorded, out, replace(HOW, vehicles=1, per_vehicle=1))
     assert any(row.scenario == "train/nothing.xml" for row in read_rows(out))
 
@@ -349,7 +355,8 @@ def test_what_cannot_be_built_is_said(recorded, tmp_path, capsys):
     assert "no .xml file" in capsys.readouterr().err
     assert main(["dataset", "build", str(tmp_path / "missing"), *out]) == 2
     assert "no such folder" in capsys.readouterr().err
-    nowhere = ["--out", str(tmp_path / "no" / "x.jsonl")]
+    (tmp_path / "file").touch()
+    nowhere = ["--out", str(tmp_path / "file" / "x.jsonl")]
     assert main(["dataset", "build", str(recorded), *nowhere]) == 2
     assert "cannot be written" in capsys.readouterr().err
 

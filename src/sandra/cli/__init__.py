@@ -20,13 +20,16 @@ from sandra.cli import (
     demo,
     drive,
     evaluate,
+    figure,
     film,
     finetune,
     label,
     monitor,
     prompt,
+    report,
     scenarios,
     verify,
+    view,
 )
 from sandra.errors import SandraError
 
@@ -65,8 +68,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"sandra {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     deciding = (decide, verify, drive, prompt, certificate)
-    watching = (monitor, conformance, film, label, evaluate, dataset, finetune)
-    others = (bench, scenarios, demo)
+    watching = (report, view, monitor, conformance, figure, film, label)
+    others = (evaluate, dataset, finetune, bench, scenarios, demo)
     for each in (*deciding, *watching, *others):
         each.add(commands)
     return parser

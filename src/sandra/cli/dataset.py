@@ -38,6 +38,7 @@ def _add_record(actions: Any) -> None:
         "broke off with an error",
         "sandra dataset record --out data --environments highway,merge --densities 1,2 --lanes 3,4 "
         "--drivers mixed --episodes 200 --workers auto",
+        "on a Dask cluster: sandra dataset record --out data --scheduler tcp://HOST:8786",
     )
     parser.add_argument("--out", required=True, metavar="DIR", help="a new folder, or one begun")
     parser.add_argument(
@@ -106,6 +107,7 @@ def _add_build(actions: Any) -> None:
         "first; what has no label is a row that says why; with a card beside it; an interrupted "
         "build goes on; exit status 1 if no row has a label",
         "sandra dataset build data --out data.jsonl --labeler mean --windows 3 --balance",
+        "on a Dask cluster: sandra dataset build data --out data.jsonl --scheduler tcp://HOST:8786",
     )
     parser.add_argument("folder", metavar="DIR", help="of 'sandra dataset record', or any other")
     parser.add_argument("--out", required=True, metavar="FILE.jsonl", help="what is written")

@@ -84,6 +84,12 @@ def add(commands: Any) -> None:
     add_assumptions(parser)
     add_context(parser, picture=False)
     parser.add_argument("--out", metavar="RUN", help="the run folder (default: runs/NAME)")
+    parser.add_argument(
+        "--no-view",
+        action="store_true",
+        help="write no view.jsonl: the page of 'sandra report' then lacks the reachable sets, and "
+        "'sandra view' cannot follow",
+    )
     add_workers(parser)
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.set_defaults(run=_drive)
@@ -122,10 +128,12 @@ def _drive(arguments: argparse.Namespace) -> int:
     from sandra.evaluation.closed_loop.batch import drive_all
     from sandra.evaluation.closed_loop.folder import RunFolder
     from sandra.rankers.usage import Usage, cost, told, total
+    from sandra.view.report import FrameLog
 
     how, seeds = drive_of(arguments), seeds_of(arguments.seeds)
     prices = prices_of(arguments)
-    folder = RunFolder(Path(arguments.out or f"runs/{default_name(how)}"))
+    out = Path(arguments.out or f"runs/{default_name(how)}")
+    folder = RunFolder(out, None if arguments.no_view else FrameLog)
     folder.open(how, ["sandra", *sys.argv[1:]])
     found = drive_all(folder, how, seeds, workers_of(arguments), _progress)
     _progress("")

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from sandra.cli import finetune_export, finetune_lora, finetune_openai
 from sandra.cli.dataset import bar
 from sandra.cli.options import command
 from sandra.cli.output import print_json, progress
@@ -18,9 +19,14 @@ def add(commands: Any) -> None:
         "finetune",
         "train language models on recorded decisions",
         "sandra finetune scratch data.jsonl --out runs/small",
+        "sandra finetune lora data.jsonl --model hf:my-model --out runs/adapter",
+        "sandra finetune openai data.jsonl --model MODEL --out runs/tuned",
     )
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
     _add_scratch(actions)
+    finetune_lora.add(actions)
+    finetune_openai.add(actions)
+    finetune_export.add(actions)
 
 
 def _add_scratch(actions: Any) -> None:

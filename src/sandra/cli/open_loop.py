@@ -30,6 +30,7 @@ def add(actions: Any) -> None:
         "sandra evaluate open-loop recordings/ --ranker rules --ranker openai:gpt-4o "
         "--command none --command 'drive cautiously' --horizon 10,25,50 --rule-prompt both "
         "--workers auto --out runs/open-loop --figures",
+        "on a Dask cluster: sandra evaluate open-loop recordings/ --scheduler tcp://HOST:8786",
     )
     add_scenarios(parser)
     parser.add_argument(

@@ -14,8 +14,13 @@ if TYPE_CHECKING:
 _WIDE, _HIGH = 4.6, 2.4
 
 
-def learning_figure(curve: Curve, path: str | Path, *, dpi: int = 150) -> Path:
-    """Draw the losses of training and validation.
+def learning_figure(
+    curve: Curve, path: str | Path, *, per: str = "example", dpi: int = 150
+) -> Path:
+    """Draw the losses of training and validation, as far as they were measured.
+
+    Args:
+        per: what a loss is the mean over.
 
     Raises:
         SettingsError, SandraError: if no picture can be written there.
@@ -27,9 +32,11 @@ def learning_figure(curve: Curve, path: str | Path, *, dpi: int = 150) -> Path:
         (curve.training, "training", palette.BLUE, ""),
         (curve.validation, "validation", palette.VERMILLION, "o"),
     ):
+        if not points:
+            continue
         ax.plot(*zip(*points, strict=True), color=colour, marker=marker, ms=3, lw=1.2, label=label)
     ax.set_xlabel("step", fontsize=8)
-    ax.set_ylabel("loss [nat an example]", fontsize=8)
+    ax.set_ylabel(f"loss [nat per {per}]", fontsize=8)
     ax.set_ylim(0.0, None)
     ax.tick_params(labelsize=7)
     ax.grid(color=palette.RULE, lw=0.5)

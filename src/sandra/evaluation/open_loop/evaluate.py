@@ -26,7 +26,7 @@ from sandra.evaluation.open_loop.report import Report, report
 from sandra.evaluation.open_loop.scores import KS, Case
 from sandra.evaluation.open_loop.setups import Conditions, Setup, ablations
 from sandra.evaluation.sheet import Sheet
-from sandra.evaluation.workers import Broken, in_order
+from sandra.evaluation.workers import Broken, Workers, as_done
 
 Row = dict[str, Any]
 VERIFIED_FIRST = "verified pairs first, in the order of Tab. II"
@@ -128,7 +128,7 @@ def open_loop(
     *,
     only: Mapping[Path, Places] | None = None,
     journal: Path | None = None,
-    workers: int = 1,
+    workers: Workers = 1,
     progress: Callable[[int, int, str], None] = lambda done, total, name: None,
 ) -> OpenLoop:
     """Evaluate setups on recordings.
@@ -137,7 +137,8 @@ def open_loop(
         choice: whose decisions, and how they are labelled.
         only: by file, the egos and steps that are taken, instead of `choice`'s.
         journal: of a run that can go on, with more setups too; see `Journal`.
-        workers: processes. progress: is told (files done, all files, name of the last one).
+        workers: see `sandra.evaluation.workers`.
+        progress: is told (files done, all files, name of the last one).
 
     Raises:
         SandraError: if the journal cannot be written or holds another run, or a ranker is unknown.
@@ -146,7 +147,7 @@ def open_loop(
     book = Journal(journal, about)
     keys = {path: fingerprint(path) + _told(only, path) for path in paths}
     missing = {
-        path: tuple(s for s in setups if f"{s.name} | {key}" not in book.values)
+        path: tuple(s for s in setups if f"{s.name} | {key}" not in book)
         for path, key in keys.items()
     }
     jobs = [
@@ -154,8 +155,8 @@ def open_loop(
     ]
     done = len(keys) - len(jobs)
     work = partial(_one, choice=choice, conditions=conditions)
-    with closing(in_order(work, jobs, workers)) as found:
-        for (path, todo, _), rows in zip(jobs, found, strict=True):
+    with closing(as_done(work, jobs, workers, lambda job: job[:1])) as found:
+        for (path, todo, _), rows in found:
             if isinstance(rows, Broken):
                 rows = broken(path, todo, choice, f"internal error: {rows.error}")
             for setup in todo:
@@ -163,9 +164,7 @@ def open_loop(
             done += 1
             progress(done, len(keys), path.stem)
     every = {
-        setup.name: tuple(
-            row for key in keys.values() for row in book.values[f"{setup.name} | {key}"]
-        )
+        setup.name: tuple(row for key in keys.values() for row in book[f"{setup.name} | {key}"])
         for setup in setups
     }
     return OpenLoop(tuple(setups), every, scored(setups, every))

@@ -1,4 +1,4 @@
-"""A Hugging Face folder of a Qwen3 model, written as one GGUF file for llama.cpp.
+"""A Hugging Face folder of a Qwen3 model, written as one GGUF file for llama.cpp; adapters merged.
 
 Only this architecture, unquantised: enough for what is trained here. For other models llama.cpp
 has a converter of its own.
@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from sandra.errors import RankerError
+from sandra.rankers.local.folder import Folder
 from sandra.rankers.local.packages import package
 
 ARCHITECTURE = "qwen3"
@@ -48,6 +49,24 @@ def to_gguf(folder: str | Path, path: str | Path) -> Path:
     writer.write_tensors_to_file()
     writer.close()
     return path
+
+
+def merge(model: str | Path, adapter: str | Path, folder: str | Path) -> Path:
+    """Write a model with an adapter added to its weights, as a folder of its own; returns it.
+
+    Raises:
+        RankerError: a missing package, or a folder that cannot be loaded or written.
+    """
+    folder = Path(folder)
+    both = Folder(Path(model).expanduser(), Path(adapter).expanduser(), "cpu")
+    try:
+        both.model.save_pretrained(folder)
+        both.tokenizer.save_pretrained(folder)
+    except OSError as error:
+        raise RankerError(
+            f"{folder}: cannot be written ({error.strerror}); choose another place"
+        ) from None
+    return folder
 
 
 def _add_shape(writer: Any, config: dict[str, Any]) -> None:
