@@ -42,7 +42,7 @@ check: .venv/.installed  ## format, lint, types, import contract, links of the d
 	$(BIN)/python scripts/check_links.py
 
 docs: .venv/.installed  ## the documentation site, into site/; a link that leads nowhere is an error
-	$(BIN)/python -m sphinx -q -W --keep-going -c docs . site
+	$(BIN)/python -m sphinx -q -W --keep-going $(ARGS) -c docs . site
 	@echo "site/index.html"
 
 docs-serve: docs  ## build the site and serve it at http://127.0.0.1:8001
@@ -109,7 +109,7 @@ example-shield: .venv-shield/.installed  ## a DQN is trained, then drives withou
 	@touch $@
 
 lock:  ## resolve requirements.lock anew (needs uv)
-	uv pip compile --quiet --universal --python-version 3.11 --extra highway --extra local --extra distributed --extra finetune --group dev --generate-hashes \
+	uv pip compile --quiet --universal --python-version 3.11 --extra highway --extra local --extra distributed --extra finetune --extra view --group dev --generate-hashes \
 	  --overrides scripts/without-torch.txt \
 	  --no-emit-index-url --no-emit-find-links --custom-compile-command "make lock" \
 	  --output-file requirements.lock pyproject.toml

@@ -28,13 +28,15 @@ rows "$folder/rec" h15 --horizon 15 --windows 8 --balance 1500 --variety 0.25
 rows "$folder/rec1" h10 --horizon 10 --windows 6 --balance 1000 --variety 0.25
 rows "$folder/rec2" h25 --horizon 25 --windows 6 --balance 1000 --variety 0.25
 rows "$folder/rec4" lanes --horizon 15 --windows 8 --balance 400 --variety 0.25
+rows "$folder/rec1" bare5 --horizon 5 --windows 3 --balance 500 --variety 0.1 --bare 0.7
+rows "$folder/rec2" bare15 --horizon 15 --windows 3 --balance 500 --variety 0.1 --bare 0.7
 rows "$(dirname "$0")/../src/sandra/scenarios" shipped --horizon 20 --windows 6 --variety 0.25
 
 sandra finetune scratch "$folder/h15.jsonl" "$folder/h10.jsonl" "$folder/h25.jsonl" \
     "$folder/shipped.jsonl" --out "$folder/run" --steps 2100
 sandra finetune scratch "$folder/h15.jsonl" "$folder/h10.jsonl" "$folder/h25.jsonl" \
-    "$folder/lanes.jsonl" "$folder/shipped.jsonl" --base "$folder/run/model" \
-    --out "$folder/more" --steps 1000 --rate 1e-3 --prompt-weight 0.01
+    "$folder/lanes.jsonl" "$folder/bare5.jsonl" "$folder/bare15.jsonl" "$folder/shipped.jsonl" \
+    --base "$folder/run/model" --out "$folder/more" --steps 850 --rate 1e-3 --prompt-weight 0.01
 cp "$folder"/more/model/* "$folder/more/card.json" "$weights/"
 
 # Held out: other seeds.

@@ -13,7 +13,9 @@ from pathlib import Path
 from typing import Any
 
 import sandra
+from sandra.evaluation.rollouts.cases import varied
 from sandra.rankers import Ranking
+from sandra.settings import Settings
 
 TESTS = Path(__file__).parent
 SOURCES = Path(sandra.__file__).parents[1]
@@ -70,6 +72,11 @@ def wait_until(true: Any, seconds: float = 60.0) -> None:
 def slow_square(n: int) -> int:
     time.sleep(0.2)
     return n * n
+
+
+def scene_of(n: int, files: tuple[Path, ...]) -> tuple[str, float]:
+    label, scene, _ = varied(files, n, 0, Settings())
+    return label, scene.ego.state.speed
 
 
 class Deadly:

@@ -421,6 +421,22 @@ def test_a_wish_fits_what_was_driven_or_is_about_something_else():
     assert {len(past) for past in pasts} == {0, 1, 2, 3, 4, 5}
 
 
-def test_only_a_chance_is_a_variety():
-    with pytest.raises(SettingsError, match="from 0 to 1"):
-        Windows(variety=1.5)
+def test_a_bare_prompt_tells_no_accelerations_and_no_road(recorded):
+    file = sorted(recorded.glob("train/*-0*.xml"))[1]
+    name = f"train/{file.name}"
+    plain = [r for r in rows_of(file, name, HOW, {}) if r.is_labelled]
+    every = [r for r in rows_of(file, name, replace(HOW, bare=1.0), {}) if r.is_labelled]
+    assert [r.label for r in every] == [r.label for r in plain]
+    said = re.compile(r"(?:acceleration|steering angle) is (-?[\d.]+)")
+    assert len({float(x) for r in plain for x in said.findall(r.user)}) > 5
+    assert {float(x) for r in every for x in said.findall(r.user)} == {0.0}
+    for before, after in zip(plain, every, strict=True):
+        assert "The speed limit here is" in before.user
+        assert "No speed limit is known here." in after.user
+        assert "on a road of unknown type" in after.user
+
+
+@pytest.mark.parametrize("name", ["variety", "bare"])
+def test_only_a_chance_is_one(name):
+    with pytest.raises(SettingsError, match=f"{name} = 1.5: a chance, from 0 to 1"):
+        Windows(**{name: 1.5})

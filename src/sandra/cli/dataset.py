@@ -146,6 +146,14 @@ def _add_build(actions: Any) -> None:
         "that fits what was driven, past pairs by chance, the rules, and that only some pairs "
         "may be ranked",
     )
+    parser.add_argument(
+        "--bare",
+        type=float,
+        default=0.0,
+        metavar="P",
+        help="chance that a prompt tells no accelerations and steering (all 0, as in many "
+        "converted recordings), and that it tells neither the road's type nor its limits, each",
+    )
     parser.add_argument("--settings", metavar="FILE", help="a TOML file with parameters")
     add_workers(parser)
     parser.add_argument("--json", action="store_true", help="print the card as one JSON object")
@@ -170,6 +178,7 @@ def _build(arguments: argparse.Namespace) -> int:
             vehicles=arguments.vehicles,
             seed=arguments.seed,
             variety=arguments.variety,
+            bare=arguments.bare,
             settings=settings,
         ),
         arguments.balance,

@@ -3,16 +3,20 @@
 Who learns from prompts without them is at a loss before the first that has one. Past pairs are
 drawn by chance, so that nobody learns to go on as before only because it was so before. A wish
 fits what was driven, as if the driver had followed it, or has nothing to do with driving.
+
+And what a recording may lack and a simulation has: accelerations and steering, which many converted
+recordings tell as 0; the type of the road and its limits (`bare`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from sandra.actions import ActionPair, Lateral, Longitudinal
+from sandra.scene.types import Scene, State
 
 LONGITUDINAL_WISHES = {
     Longitudinal.ACCELERATE: (
@@ -72,6 +76,25 @@ def some(
     count = int(rng.integers(1, len(feasible) + 1))
     kept = {feasible[i] for i in rng.permutation(len(feasible))[:count]} | {label}
     return tuple(pair for pair in feasible if pair in kept)
+
+
+def bare(scene: Scene, share: float, rng: np.random.Generator) -> Scene:
+    """Without accelerations and steering, with this chance; without the road's type and limits."""
+    unmeasured, unmapped = (rng.random(2) < share).tolist()
+    if unmeasured:
+        scene = replace(
+            scene,
+            ego=replace(scene.ego, state=_unmeasured(scene.ego.state)),
+            obstacles=tuple(replace(o, state=_unmeasured(o.state)) for o in scene.obstacles),
+        )
+    if unmapped:
+        lanes = tuple(replace(x, speed_limits=(None,) * len(x.speed_limits)) for x in scene.lanes)
+        scene = replace(scene, road_type="unknown", lanes=lanes)
+    return scene
+
+
+def _unmeasured(state: State) -> State:
+    return replace(state, acceleration=0.0, steering_angle=0.0)
 
 
 def _wish(label: ActionPair, rng: np.random.Generator) -> str:

@@ -16,7 +16,7 @@ from sandra.errors import ScenarioError, SettingsError
 from sandra.learn.episodes import SPLITS, split_of
 from sandra.learn.labels import LABELERS, label
 from sandra.learn.rows import Row, RowStatus
-from sandra.learn.variety import drawn, some
+from sandra.learn.variety import bare, drawn, some
 from sandra.scene.tracks import Track, Tracks
 from sandra.settings import Settings
 
@@ -34,6 +34,7 @@ class Windows:
                 after the label.
         variety: chance that a prompt tells a wish, past pairs, the rules, and that only some pairs
             may be ranked, each (`sandra.learn.variety`).
+        bare: chance that a prompt tells no accelerations, and no road type and limits, each.
         settings: `horizon` is the length of a window, in steps; all that prompts depend on.
 
     Raises:
@@ -45,11 +46,13 @@ class Windows:
     vehicles: int = 0
     seed: int = 0
     variety: float = 0.0
+    bare: float = 0.0
     settings: Settings = field(default_factory=Settings)
 
     def __post_init__(self) -> None:
-        if not 0.0 <= self.variety <= 1.0:
-            raise SettingsError(f"variety = {self.variety}: a chance, from 0 to 1")
+        for name, chance in (("variety", self.variety), ("bare", self.bare)):
+            if not 0.0 <= chance <= 1.0:
+                raise SettingsError(f"{name} = {chance}: a chance, from 0 to 1")
         if self.labeler not in LABELERS:
             known = ", ".join(LABELERS)
             raise SettingsError(f"labeler '{self.labeler}' is unknown; known are {known}")
@@ -133,6 +136,7 @@ def _labelled(tracks: Tracks, row: Row, ego: int, step: int, how: Windows) -> Ro
     where = f"{row.scenario} {ego} {step}"
     rng = _rng(how.seed, f"{where} variety")
     more = drawn(how.variety, found.pair, rng)
+    scene = bare(scene, how.bare, _rng(how.seed, f"{where} bare"))
     prompt = describe(
         scene, more.command, more.past, RULES, rule_prompt=more.rule_prompt, settings=settings
     )

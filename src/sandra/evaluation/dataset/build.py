@@ -163,6 +163,7 @@ def _finish(
             "vehicles per scenario": how.vehicles or "all",
             "seed": how.seed,
             "chance of a wish, a past, rules, a choice": how.variety,
+            "chance of no accelerations, no road": how.bare,
             "rows per label and split at most": "all" if balance is None else (balance or "median"),
             "labelled rows": len(chosen),
             "left out by balancing": sum(found.values()) - len(chosen),

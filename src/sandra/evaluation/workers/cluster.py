@@ -165,7 +165,10 @@ class ClusterTeam(Generic[T]):
 
     def _compare(self, address: str, other: dict[str, str] | Exception) -> None:
         if isinstance(other, Exception):
-            other = {"sandra": f"none that can be asked ({told(other)})"}
+            raise SandraError(
+                f"the worker {address} has no SanDRA, or another one ({told(other)}); install the "
+                "same there, with sandra[distributed], and start the workers anew"
+            )
         differs = [
             f"{name} {other.get(name, 'unknown')} instead of {mine}"
             for name, mine in self._mine.items()

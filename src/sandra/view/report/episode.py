@@ -19,7 +19,8 @@ from sandra.monitor import monitor
 from sandra.scene import load
 from sandra.scene.types import Scene
 from sandra.settings import Settings
-from sandra.view.report.document import Document, Episode, Series, Track
+from sandra.view.report.bare import bare
+from sandra.view.report.document import Document, Episode, Series, Track, plain
 from sandra.view.report.frames import NAME, Frames, read_frames
 from sandra.view.report.lines import decisions_of
 from sandra.view.report.scenery import map_of, outline_of, pack_states
@@ -55,6 +56,8 @@ def episode_document(folder: Path, home: str | None = None) -> Document:
         decisions, texts = decisions_of(folder / "decisions.jsonl", view)
         maps = (map_of(view, scene),)
         notes = (WITHOUT,) if decisions else ()
+        if not decisions:
+            decisions, texts = [plain(bare(view, scene, stride))], [""]
     how = about.get("drive", {})
     told = Episode(
         ego=scene.ego.id,
@@ -161,11 +164,14 @@ def _facts(how: dict[str, Any], measured: dict[str, Any]) -> tuple[tuple[str, st
     m = measured.get("metrics", {})
     driver = how.get("driver") or how.get("ranker", "?")
     rules = ", ".join(how.get("rules") or ()) or "none"
-    told = [
-        ("driven by" if how.get("driver") else "ranked by", driver),
-        ("command", how.get("command") or "none"),
-        ("prediction", how.get("prediction", "?")),
-        ("rules", rules),
+    told = [("driven by" if how.get("driver") else "ranked by", driver)]
+    if not how.get("driver"):
+        told += [
+            ("command", how.get("command") or "none"),
+            ("prediction", how.get("prediction", "?")),
+            ("rules", rules),
+        ]
+    told += [
         ("outcome", "success" if m.get("success") else "no success"),
         ("distance", f"{m.get('distance', float('nan')):.1f} m in {m.get('steps', '?')} steps"),
         ("fail-safe", f"{100 * m.get('fail_safe_rate', float('nan')):.0f} % of steps"),

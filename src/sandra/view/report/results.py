@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,9 @@ from sandra.view.report.episode import read_json
 
 RATES = ("safe1", "safe3", "top1", "top2", "top3")
 """Keys of scores.json that are drawn, per cent."""
+
+MOST = 6
+"""So many shares of a bar can be told apart."""
 
 
 def table_of(
@@ -67,16 +71,8 @@ def closed_loop_charts(
         for name, x in named
         if x.get("distance_all") is not None
     )
-    operations = tuple(
-        Bar(name, tuple((key, float(n), None, None) for key, n in x["operations"].items()))
-        for name, x in named
-        if x.get("operations")
-    )
-    driven = tuple(
-        Bar(name, tuple((key, float(n), None, None) for key, n in counts.items()))
-        for name, counts in pairs.items()
-        if counts
-    )
+    operations = _shares({name: x["operations"] for name, x in named if x.get("operations")})
+    driven = _shares(pairs)
     charts = (
         Chart(
             "Success",
@@ -102,6 +98,22 @@ def closed_loop_charts(
         Chart("Actions", "What was driven, as a share of all steps.", "shares", "%", driven),
     )
     return tuple(chart for chart in charts if chart.bars)
+
+
+def _shares(counts: Mapping[str, Mapping[str, float]]) -> tuple[Bar, ...]:
+    """Of each row, the most frequent of all, the rest together: more could not be told apart."""
+    total: Counter[str] = Counter()
+    for some in counts.values():
+        whole = sum(some.values()) or 1
+        total.update({key: n / whole for key, n in some.items()})
+    shown = [key for key, _ in total.most_common(len(total) if len(total) <= MOST else MOST - 1)]
+    bars = []
+    for name, some in counts.items():
+        values = [(key, float(some[key]), None, None) for key in shown if key in some]
+        rest = sum(n for key, n in some.items() if key not in shown)
+        values += [("all others", float(rest), None, None)] if rest else []
+        bars += [Bar(name, tuple(values))] if values else []
+    return tuple(bars)
 
 
 def open_loop_charts(scores: Path) -> tuple[Chart, ...]:

@@ -15,7 +15,7 @@ from sandra.view.report.evaluation import (
     open_loop_document,
     run_document,
 )
-from sandra.view.report.page import write
+from sandra.view.report.html import write
 
 
 def write_report(

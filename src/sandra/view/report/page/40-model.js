@@ -187,6 +187,11 @@ class Model {
     return this.episode ? (this.episode.ticks - 1) * this.episode.dt : 0;
   }
 
+  // Whether nothing was decided: a driver without a verifier drove.
+  get bare() {
+    return this.decisions.every(({ data }) => data.pairs.length === 0 && data.prompt.user === "");
+  }
+
   // The decision that is in force at a time.
   at(time) {
     let index = 0;

@@ -96,7 +96,7 @@ class Painter {
     for (const k of shown) {
       if (!frames[k]) continue;
       const strong = step > 0 && k === step;
-      c.globalAlpha = strong ? 0.4 : 0.16;
+      c.globalAlpha = strong ? 0.4 : 0.12;
       c.fill(frames[k], "nonzero");
       c.globalAlpha = strong ? 1 : k === last ? 0.8 : 0;
       c.lineWidth = (strong ? 1.3 : 0.8) * this.px;

@@ -10,7 +10,8 @@ const LAYERS = [
 ];
 
 function layerBoxes(model) {
-  const layers = model.episode ? [...LAYERS, ["past", "The last second", null]] : LAYERS;
+  const own = model.bare ? LAYERS.filter(([name]) => name === "ids") : LAYERS;
+  const layers = model.episode ? [...own, ["past", "The last second", null]] : own;
   return el(
     "fieldset",
     { class: "layers" },
@@ -152,7 +153,7 @@ function controls(model, stage, player) {
           change({ ahead: 0 });
           goTo(model, value);
         },
-        tell: (value) => `${number(value, 2)} s, decision ${decision().data.step + 1} of ${model.decisions.length}`,
+        tell: (value) => `${number(value, 2)} s` + (model.bare ? "" : `, decision ${decision().data.step + 1} of ${model.decisions.length}`),
       }),
     );
   }
@@ -161,7 +162,7 @@ function controls(model, stage, player) {
       id: "ahead",
       text: "Look ahead",
       end: decision().end,
-      step: decision().data.dt / 2,
+      step: decision().data.dt,
       get: () => state.ahead,
       set: (value) => change({ ahead: value }),
       tell: (value) => {
@@ -172,8 +173,9 @@ function controls(model, stage, player) {
       },
     }),
   );
+  if (model.bare) rows.pop();
   const show = () => {
-    rows[rows.length - 1].input.max = decision().end;
+    if (!model.bare) rows[rows.length - 1].input.max = decision().end;
     if (model.episode) rows[0].input.max = model.duration;
     for (const row of rows) row.show();
   };

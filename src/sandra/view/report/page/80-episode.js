@@ -24,7 +24,7 @@ function episodeCard(model) {
     "Over time",
     { id: "timeline", class: "card wide" },
     el("p", { class: "faint small" }, "Click or drag in a chart to go there; arrow keys step from decision to decision."),
-    model.decisions.length > 0 && operationStrip(model, onseek),
+    model.decisions.length > 1 && operationStrip(model, onseek),
     lineChart({ label: "Speed driven", unit: "m/s", end, lines: [{ points: speed, class: "ego" }], zero: true, marks: limit ? [{ value: limit, name: "speed limit", class: "limit" }] : [], cursor, onseek, first: false, height: 96 }),
     lineChart({ label: "Acceleration driven", unit: "m/s²", end, lines: [{ points: gain, class: "ego" }], marks: [{ value: 0, name: "0" }], cursor, onseek, first: episode.rules.length === 0, height: 80 }),
     episode.rules.map((rule, i) => robustnessChart(rule, end, cursor, onseek, i === episode.rules.length - 1)),
@@ -62,8 +62,8 @@ function operationStrip(model, onseek) {
     const uncovered = data.covered === false;
     return svg(
       "g",
-      { class: `operation ${data.operation in OPERATIONS ? data.operation : ""}` },
-      svg("rect", { x: x(data.time), y: 2, width: Math.max(room - (room > 4 ? 1 : 0), 0.5), height: 20 }),
+      { class: `operation ${data.operation in OPERATIONS ? data.operation : ""}${room > 5 ? "" : " narrow"}` },
+      svg("rect", { x: x(data.time), y: 2, width: Math.max(room - (room > 5 ? 1 : 0), 0.5), height: 20 }),
       room > 11 && svg("text", { x: x(data.time) + room / 2, y: 16, "text-anchor": "middle" }, symbol),
       uncovered && svg("path", { class: "uncovered", d: `M${x(data.time)} 26h${Math.max(room - 1, 0.5)}` }),
       svg("title", null, `decision ${data.step + 1}: ${data.operation}${words ? `, ${words}` : ""}${data.executed.pair ? `; ${pairName(data.executed.pair)}` : ""}${uncovered ? "; no fail-safe is known to be clear" : ""}`),
@@ -85,9 +85,7 @@ function operationStrip(model, onseek) {
 
 // All decisions as a table, for those who look for one.
 function decisionTable(model) {
-  const body = el(
-    "tbody",
-    null,
+  const rows = () =>
     model.decisions.map(({ data }, i) =>
       el(
         "tr",
@@ -98,15 +96,24 @@ function decisionTable(model) {
         el("td", null, data.pairs.filter((pair) => pair.asked).map((pair) => `${SYMBOLS[pair.status] || "?"} ${pair.pair}`).join("  ")),
         el("td", { class: "number" }, number(data.ego.speed, 1)),
       ),
-    ),
-  );
+    );
+  const body = el("tbody");
   const mark = () => {
     for (const row of body.children) row.toggleAttribute("aria-current", Number(row.dataset.index) === state.index);
   };
   onChange(["index"], mark, body);
   mark();
-  return fold(
+  const node = fold(
     `All ${model.decisions.length} decisions`,
     el("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": "Decisions" }, el("table", null, el("thead", null, el("tr", null, ["time", "driven by", "pair", "asked of the verifier", "speed [m/s]"].map((x) => el("th", { scope: "col" }, x)))), body)),
   );
+  // Hundreds of rows are made when they are wanted.
+  const build = () => {
+    if (!node.open || body.firstChild) return;
+    fill(body, null, [rows()]);
+    mark();
+  };
+  node.addEventListener("toggle", build);
+  build();
+  return node;
 }

@@ -35,28 +35,29 @@ function drivePage(model, main) {
     const { data } = model.decisions[state.index];
     const pair = model.decisions[state.index].pair(state.pair);
     const driven = data.executed.pair ? pairName(data.executed.pair) : "";
-    replaceIn(caption, el("strong", null, data.executed.pair ? `Driven: ${driven}` : "Driven: fail-safe"), ` (${data.operation || data.executed.kind})`, pair && ` · shown: the set of ${pairName(pair.pair)} `, pair && badge(pair.status));
+    if (data.executed.kind === "not verified") replaceIn(caption, el("strong", null, "Driven without a verifier"));
+    else replaceIn(caption, el("strong", null, data.executed.pair ? `Driven: ${driven}` : "Driven: fail-safe"), ` (${data.operation || data.executed.kind})`, pair && ` · shown: the set of ${pairName(pair.pair)} `, pair && badge(pair.status));
   };
   onChange(["index", "pair"], tell);
   tell();
   const first = model.decisions[state.index];
+  const { bare } = model;
   replaceIn(
     main,
     el(
       "div",
-      { class: "layout" },
+      { class: bare ? "layout bare" : "layout" },
       el(
         "div",
         { class: "left" },
-        el("section", { class: "card map-card", "aria-label": "Map" }, caption, el("div", { class: "map-holder" }, stage.canvas, mapButtons(stage)), el("div", { class: "under-map" }, layerBoxes(model), timeKey(first)), controls(model, stage, player)),
+        el("section", { class: "card map-card", "aria-label": "Map" }, caption, el("div", { class: "map-holder" }, stage.canvas, mapButtons(stage)), el("div", { class: "under-map" }, layerBoxes(model), !bare && timeKey(first)), controls(model, stage, player)),
         model.episode && episodeCard(model),
-        el("section", { class: "card", "aria-label": "What is driven" }, el("h2", null, "What is driven"), plan),
-        durations,
+        !bare && [el("section", { class: "card", "aria-label": "What is driven" }, el("h2", null, "What is driven"), plan), durations],
       ),
-      el("div", { class: "right" }, pairs.node, detail.node),
+      !bare && el("div", { class: "right" }, pairs.node, detail.node),
     ),
-    textCards(model),
-    model.episode && el("section", { class: "card", id: "all-decisions", "aria-label": "All decisions" }, decisionTable(model)),
+    !bare && textCards(model),
+    !bare && model.episode && el("section", { class: "card", id: "all-decisions", "aria-label": "All decisions" }, decisionTable(model)),
   );
   stage.resize();
   return { model, stage, player };
@@ -110,7 +111,7 @@ function begin() {
   onKeys(page);
   onPrint(page);
   fromAddress(page);
-  globalThis.sandraPage = { page, state, change };
+  globalThis.sandraPage = { page, state, change, goTo, tell };
 }
 
 begin();
