@@ -428,7 +428,7 @@ def test_a_bare_prompt_tells_no_accelerations_and_no_road(recorded):
     every = [r for r in rows_of(file, name, replace(HOW, bare=1.0), {}) if r.is_labelled]
     assert [r.label for r in every] == [r.label for r in plain]
     said = re.compile(r"(?:acceleration|steering angle) is (-?[\d.]+)")
-    assert {float(x) for r in plain for x in said.findall(r.user)} > {0.0}
+    assert len({float(x) for r in plain for x in said.findall(r.user)}) > 5
     assert {float(x) for r in every for x in said.findall(r.user)} == {0.0}
     for before, after in zip(plain, every, strict=True):
         assert "The speed limit here is" in before.user
