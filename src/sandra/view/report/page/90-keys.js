@@ -36,7 +36,7 @@ function helpDialog() {
         ),
       ),
     ),
-    el("form", { method: "dialog" }, el("button", { type: "submit" }, "Close")),
+    el("button", { type: "button", onclick: () => dialog.close() }, "Close"),
   );
   document.body.append(dialog);
   return dialog;
