@@ -24,7 +24,7 @@ help:  ## list the targets
 	$(BIN)/python -m pip check --disable-pip-version-check
 	@touch $@
 
-demo: .venv/.installed  ## decide the intersection scenario with the built-in ranker; pictures in demo/
+demo: .venv/.installed  ## decide the intersection scenario with the language model that comes along; pictures in demo/
 	$(BIN)/sandra demo
 
 test: .venv/.installed  ## the tests
@@ -109,7 +109,7 @@ example-shield: .venv-shield/.installed  ## a DQN is trained, then drives withou
 	@touch $@
 
 lock:  ## resolve requirements.lock anew (needs uv)
-	uv pip compile --quiet --universal --python-version 3.11 --extra highway --extra local --group dev --generate-hashes \
+	uv pip compile --quiet --universal --python-version 3.11 --extra highway --extra local --extra distributed --extra finetune --extra view --group dev --generate-hashes \
 	  --overrides scripts/without-torch.txt \
 	  --no-emit-index-url --no-emit-find-links --custom-compile-command "make lock" \
 	  --output-file requirements.lock pyproject.toml

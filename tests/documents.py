@@ -135,6 +135,9 @@ FEW: dict[str, tuple[str, ...]] = {
     "figure maneuver": ("--horizon", "6"),
     "figure predictions": ("--horizon", "6"),
     "dataset build": ("--horizon", "3", "--vehicles", "2", "--windows", "1"),
+    "finetune scratch": ("--steps", "1", "--width", "64", "--layers", "1", "--batch", "2"),
+    "finetune lora": ("--epochs", "0.5", "--rank", "2", "--measure", "1"),
+    "finetune openai": ("--every", "0.01"),
     "bench decide": ("--runs", "1"),
     "bench reach": ("--horizons", "5", "--runs", "1", "--no-peer"),
     "bench growth": ("--axes", "lanes", "--runs", "1"),
@@ -147,6 +150,8 @@ def small(words: Sequence[str], server: str) -> list[str]:
     name = next((n for n in FEW if list(words[: len(n.split())]) == n.split()), "")
     told = [word for word in words if word != "--paper-seeds"]
     told += FEW.get(name, ())
+    if name.startswith("finetune"):
+        told = ["rows.jsonl" if word == "data.jsonl" else word for word in told]
     if name == "evaluate closed-loop":
         # Runs that differ belong into different folders.
         told += ["--seeds", "5838", "--out", f"runs/{'paper' if 'paper' in words else 'stock'}"]

@@ -7,6 +7,7 @@ import re
 import shutil
 import tomllib
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,6 +17,8 @@ import sandra
 from documents import BLOCKS, LINES, ROOT, Line, blocks_of, faults, parsed, small
 from sandra.cli import main
 from sandra.scene.writing import write
+from tuning_rows import row
+from tuning_server import tuning_server
 
 PYTHON = list(dict.fromkeys(b.page for b in BLOCKS if b.kind == "python"))
 RUN = [line for line in LINES if line.reason is None]
@@ -99,6 +102,7 @@ def test_commands_run(
     page: str,
     desk: Path,
     models: str,
+    provider: str,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
@@ -108,6 +112,8 @@ def test_commands_run(
         if line.block.page != page:
             continue
         words = small(line.words[1:], models)
+        if words[:2] == ["finetune", "openai"]:
+            words += ["--base-url", provider, "--yes"]
         if (key := str(sorted(vars(parsed(words)).items(), key=str))) in DONE:
             continue
         if page == "docs/models.md":
@@ -142,11 +148,21 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (desk / folder).mkdir(parents=True)
         shutil.copy(sandra.example("recorded-ego"), desk / folder)
     header = "scenario_id,label_lon,label_lat,lon1,lat1,lon2,lat2,safe_top1,safe_top2\n"
-    rows = "one,keep,follow-lane,keep,follow-lane,accelerate,follow-lane,1,1\n"
-    (desk / "RANKINGS.csv").write_text(header + rows)
+    told = "one,keep,follow-lane,keep,follow-lane,accelerate,follow-lane,1,1\n"
+    (desk / "RANKINGS.csv").write_text(header + told)
     (desk / "VERDICTS.csv").write_text("scenario_id,lon,lat,safe\none,keep,follow-lane,1\n")
+    rows = [row(i, "train" if i < 12 else "validation") for i in range(14)]
+    (desk / "rows.jsonl").write_text("".join(each.line() for each in rows))
     (desk / "prices.toml").write_text('["openai:MODEL"]\ninput = 1.0\noutput = 2.0\n')
     return desk
+
+
+@pytest.fixture(scope="module")
+def provider() -> Iterator[str]:
+    """The address of a provider that tunes, on loopback."""
+    with tuning_server() as server:
+        server.key, server.models = None, {"MODEL"}
+        yield server.url
 
 
 @pytest.fixture

@@ -22,11 +22,14 @@ from sandra.cli import (
     evaluate,
     figure,
     film,
+    finetune,
     label,
     monitor,
     prompt,
+    report,
     scenarios,
     verify,
+    view,
 )
 from sandra.errors import SandraError
 
@@ -65,18 +68,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"sandra {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     deciding = (decide, verify, drive, prompt, certificate)
-    watching = (
-        monitor,
-        conformance,
-        figure,
-        film,
-        label,
-        evaluate,
-        dataset,
-        bench,
-        scenarios,
-        demo,
-    )
-    for each in (*deciding, *watching):
+    watching = (report, view, monitor, conformance, figure, film, label)
+    others = (evaluate, dataset, finetune, bench, scenarios, demo)
+    for each in (*deciding, *watching, *others):
         each.add(commands)
     return parser

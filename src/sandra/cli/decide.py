@@ -31,7 +31,7 @@ def add(commands: Any) -> None:
         "decide",
         "describe a scenario, have action pairs ranked, verify them, choose what is executed",
         "sandra decide intersection --command 'drive faster' --prediction set-based "
-        "--rules R_G1,R_G2,R_G3 --mode verify-first --figure decision.png",
+        "--rules R_G1,R_G2,R_G3 --mode verify-first --report decision.html",
         "sandra decide merge --ranker openai:MODEL --base-url http://localhost:8000/v1 "
         "--deadline 2 --mode repair --cache answers --prices prices.toml",
         "sandra decide merge --ranker openai:MODEL --vision ego --picture look.png --measures all",
@@ -40,9 +40,10 @@ def add(commands: Any) -> None:
     add_prompting(parser)
     parser.add_argument(
         "--ranker",
-        default="rules",
+        default="embedded",
         metavar="NAME",
-        help="rules (rule-based, no language model); a model on a server: openai:MODEL "
+        help="embedded (a small language model that comes along, docs/embedded.md); rules "
+        "(rule-based, no language model); a model on a server: openai:MODEL "
         "(openai:gpt-5-mini, or openai:gpt-5-mini#api=responses), ollama:MODEL (ollama:qwen3:4b), "
         "vllm:MODEL (vllm:Qwen/Qwen3-4B), dilu:MODEL (DiLu's loop, docs/dilu.md); "
         "one in this process: gguf:FILE (gguf:model.gguf), "
@@ -65,6 +66,9 @@ def add(commands: Any) -> None:
         type=float,
         metavar="V",
         help="what the planner aims at, m/s (default: the speed limit, else the present speed)",
+    )
+    parser.add_argument(
+        "--report", metavar="F.html", help="write a page to look into it: one file, no network"
     )
     parser.add_argument(
         "--certificate", metavar="FILE", help="write the certificate of what is executed: .json"
@@ -129,10 +133,13 @@ def _decide(arguments: argparse.Namespace) -> int:
     )
     figure = figure_of(decision, arguments.figure)
     picture = save_picture(decision.prompt, arguments.picture)
+    page = _page(decision, arguments)
     written = _certificate(decision, arguments.certificate)
     ranking = decision.ranking
     if arguments.json:
         files = {"figure": figure, "certificate": written}
+        if page:
+            files["report"] = page
         if picture:
             files["picture"] = picture
         money = cost(ranking.usage, ranking.ranker, prices)
@@ -151,11 +158,25 @@ def _decide(arguments: argparse.Namespace) -> int:
         print(f"  cost: {bill}")
     if figure:
         print(f"  picture: {figure}")
+    if page:
+        print(f"  page: {page}")
     if written:
         print(f"  certificate: {written} (check it: sandra certificate check {written})")
     elif arguments.certificate:
         print("  certificate: none is written, what is executed has none")
     return 0
+
+
+def _page(decision: Decision, arguments: argparse.Namespace) -> str | None:
+    if arguments.report is None:
+        return None
+    from sandra.view.report import decision_document, write
+
+    progress("page")
+    document = decision_document(decision, vocabulary_of(arguments))
+    written = str(write(document, arguments.report))
+    progress("")
+    return written
 
 
 def _certificate(decision: Decision, path: str | None) -> str | None:

@@ -24,7 +24,7 @@ def add(commands: Any) -> None:
 def _demo(arguments: argparse.Namespace) -> int:
     picture = Path(arguments.out) / "decision.png"
     print("sandra decide intersection --command 'drive faster' --walk all --figure", picture)
-    print("(ranked by the embedded rule-based ranker 'rules'; no language model is asked)\n")
+    print("(ranked by the small language model that comes along, docs/embedded.md)\n")
     try:
         picture.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:

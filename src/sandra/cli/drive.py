@@ -53,7 +53,9 @@ def add(commands: Any) -> None:
     )
     parser.add_argument("--profile", default="stock", metavar="NAME", help="stock or paper")
     parser.add_argument("--steps", type=int, default=30, metavar="N", help="decisions, 0.2 s each")
-    parser.add_argument("--ranker", default="rules", metavar="NAME", help="as in 'sandra decide'")
+    parser.add_argument(
+        "--ranker", default="embedded", metavar="NAME", help="as in 'sandra decide'"
+    )
     parser.add_argument("--command", dest="wish", metavar="TEXT", help="the driver's wish")
     add_server(parser)
     parser.add_argument(
@@ -82,6 +84,12 @@ def add(commands: Any) -> None:
     add_assumptions(parser)
     add_context(parser, picture=False)
     parser.add_argument("--out", metavar="RUN", help="the run folder (default: runs/NAME)")
+    parser.add_argument(
+        "--no-view",
+        action="store_true",
+        help="write no view.jsonl: the page of 'sandra report' then lacks the reachable sets, and "
+        "'sandra view' cannot follow",
+    )
     add_workers(parser)
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.set_defaults(run=_drive)
@@ -120,10 +128,12 @@ def _drive(arguments: argparse.Namespace) -> int:
     from sandra.evaluation.closed_loop.batch import drive_all
     from sandra.evaluation.closed_loop.folder import RunFolder
     from sandra.rankers.usage import Usage, cost, told, total
+    from sandra.view.report import FrameLog
 
     how, seeds = drive_of(arguments), seeds_of(arguments.seeds)
     prices = prices_of(arguments)
-    folder = RunFolder(Path(arguments.out or f"runs/{default_name(how)}"))
+    out = Path(arguments.out or f"runs/{default_name(how)}")
+    folder = RunFolder(out, None if arguments.no_view else FrameLog)
     folder.open(how, ["sandra", *sys.argv[1:]])
     found = drive_all(folder, how, seeds, workers_of(arguments), _progress)
     _progress("")

@@ -33,8 +33,13 @@ _RANKERS = {
 
 def ranker_name(name: str) -> str:
     """The ranker and what it is, e.g. "rules (rule-based, no LLM)"."""
-    kind = _RANKERS.get(name.split(":", 1)[0])
+    kind = kind_of_ranker(name)
     return plain(name, 60) + (f" ({kind})" if kind else "")
+
+
+def kind_of_ranker(name: str) -> str | None:
+    """What a ranker of this name is; None for one of the user's own."""
+    return _RANKERS.get(name.split(":", 1)[0])
 
 
 def of_decision(decision: Decision) -> list[Line]:

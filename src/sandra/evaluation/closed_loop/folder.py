@@ -5,6 +5,7 @@
     RUN/seed-5838/certificates/       those of what was executed
     RUN/seed-5838/scenario.xml        all vehicles and the ego at every tick, as CommonRoad
     RUN/seed-5838/metrics.json
+    RUN/seed-5838/view.jsonl          what a page shows of each decision, if that is wanted
 
 An episode is written under another name and renamed when it is complete: what has its name is
 whole. A run goes on where it stopped, and never mixes with another one's data.
@@ -14,10 +15,11 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import IO, Any, Protocol
 
 from sandra.certificate import save
 from sandra.errors import SandraError
@@ -28,11 +30,27 @@ from sandra.scene.writing import write
 from sandra.simulation.episode import Episode, Step
 
 
+class Frames(Protocol):
+    """Writes what a page shows (`sandra.view.report.FrameLog`)."""
+
+    def note(self, step: Step) -> None:
+        """One decision."""
+        ...
+
+
+FramesOf = Callable[[IO[str]], Frames]
+"""Begins to write into an open file; a function or class of a module, so that it can be sent."""
+
+
 @dataclass(frozen=True, slots=True)
 class RunFolder:
-    """A folder that holds, or will hold, the episodes of one `Drive`."""
+    """A folder that holds, or will hold, the episodes of one `Drive`.
+
+    `frames` makes what writes view.jsonl into an open file; None: there is no such file.
+    """
 
     path: Path
+    frames: FramesOf | None = None
 
     def open(self, how: Drive, command_line: Sequence[str] = ()) -> None:
         """Begin the run, or go on with it.
@@ -81,12 +99,17 @@ class RunFolder:
         known = self.metrics(seed)
         if known is not None:
             return known
-        draft = self.path / f".seed-{seed}.draft"
-        shutil.rmtree(draft, ignore_errors=True)
-        (draft / "certificates").mkdir(parents=True)
-        with (draft / "decisions.jsonl").open("w", encoding="utf-8") as log:
+        draft = self._draft(seed)
+        with ExitStack() as files:
+            log = files.enter_context((draft / "decisions.jsonl").open("w", encoding="utf-8"))
+            frames = None
+            if self.frames is not None:
+                view = files.enter_context((draft / "view.jsonl").open("w", encoding="utf-8"))
+                frames = self.frames(view)
 
             def note(step: Step) -> None:
+                if frames is not None:
+                    frames.note(step)
                 log.write(json.dumps(_finite(_decision(step)), allow_nan=False) + "\n")
                 picture = step.decision.prompt.picture
                 if picture is not None:
@@ -99,6 +122,27 @@ class RunFolder:
 
             episode, found = play(how, seed, note)
         return self._finish(draft, how, seed, episode, found)
+
+    def packed(self, seed: int) -> dict[str, bytes]:
+        """The files of a complete episode, by their paths below its folder."""
+        home = self.episode(seed)
+        files = (file for file in home.rglob("*") if file.is_file())
+        return {file.relative_to(home).as_posix(): file.read_bytes() for file in files}
+
+    def keep(self, seed: int, files: Mapping[str, bytes]) -> dict[str, Any]:
+        """Write an episode that was driven elsewhere, and `packed` there; its metrics."""
+        draft = self._draft(seed)
+        for name, content in files.items():
+            (draft / name).parent.mkdir(parents=True, exist_ok=True)
+            (draft / name).write_bytes(content)
+        draft.rename(self.episode(seed))
+        return self._read(self.episode(seed) / "metrics.json")
+
+    def _draft(self, seed: int) -> Path:
+        draft = self.path / f".seed-{seed}.draft"
+        shutil.rmtree(draft, ignore_errors=True)
+        (draft / "certificates").mkdir(parents=True)
+        return draft
 
     def _finish(
         self, draft: Path, how: Drive, seed: int, episode: Episode, found: Outcome
