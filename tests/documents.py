@@ -2,7 +2,7 @@
 
 | fence | by the tests |
 |---|---|
-| `python` | run, all of a page in one namespace |
+| `python` | run, all of a page in one namespace, unless it says why not |
 | `bash` | each `sandra ...` is parsed and run with small settings; what is not run says so |
 | `toml` | parsed |
 | `text` | output or a drawing: holds no command, but after a `$` (parsed) |
