@@ -146,7 +146,8 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write(replace(scene, recorded_ego=scene.recorded_ego[:22]), desk / "RECORDING.xml")
     for folder in ("FOLDER", "recordings", "scenarios", "scenarios/highd", "src/sandra/scenarios"):
         (desk / folder).mkdir(parents=True)
-        shutil.copy(sandra.example("recorded-ego"), desk / folder)
+        quick = "nothing-safe" if folder.endswith("scenarios") else "recorded-ego"
+        shutil.copy(sandra.example(quick), desk / folder)
     (desk / "src" / "sandra" / "rankers").symlink_to(ROOT / "src" / "sandra" / "rankers")
     header = "scenario_id,label_lon,label_lat,lon1,lat1,lon2,lat2,safe_top1,safe_top2\n"
     told = "one,keep,follow-lane,keep,follow-lane,accelerate,follow-lane,1,1\n"
