@@ -2,7 +2,7 @@
 
 | fence | by the tests |
 |---|---|
-| `python` | run, all of a page in one namespace |
+| `python` | run, all of a page in one namespace, unless it says why not |
 | `bash` | each `sandra ...` is parsed and run with small settings; what is not run says so |
 | `toml` | parsed |
 | `text` | output or a drawing: holds no command, but after a `$` (parsed) |
@@ -154,7 +154,8 @@ def small(words: Sequence[str], server: str) -> list[str]:
         told = ["rows.jsonl" if word == "data.jsonl" else word for word in told]
     if name == "evaluate closed-loop":
         # Runs that differ belong into different folders.
-        told += ["--seeds", "5838", "--out", f"runs/{'paper' if 'paper' in words else 'stock'}"]
+        folder = "-".join(word for word in ("paper", "--base-url") if word in words)
+        told += ["--seeds", "5838", "--out", f"runs/closed{folder}"]
     if name == "evaluate soundness":
         told = [word for word in told if not word.endswith(".xml")] + ["merge"]
     if any(word.startswith("dilu:") for word in words):

@@ -86,7 +86,8 @@ def test_the_slider_and_the_keys_move_the_time(browser: Any, pages: Path) -> Non
         page.locator("body").press("j")
         page.locator("body").press("?")
         assert page.locator("dialog[open]").count() == 1
-        page.keyboard.press("Escape")
+        page.click("dialog >> text=Close")
+        assert page.locator("dialog[open]").count() == 0
         seen.check("file://")
 
 

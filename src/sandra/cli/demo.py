@@ -14,16 +14,18 @@ def add(commands: Any) -> None:
     parser = command(
         commands,
         "demo",
-        "decide the intersection scenario that comes with SanDRA, and draw it",
+        "decide the intersection scenario that comes with SanDRA, draw it, and make a page of it",
         "sandra demo --out demo",
     )
-    parser.add_argument("--out", default="demo", metavar="FOLDER", help="where the picture goes")
+    parser.add_argument("--out", default="demo", metavar="FOLDER", help="where picture and page go")
     parser.set_defaults(run=_demo)
 
 
 def _demo(arguments: argparse.Namespace) -> int:
     picture = Path(arguments.out) / "decision.png"
-    print("sandra decide intersection --command 'drive faster' --walk all --figure", picture)
+    page = picture.with_suffix(".html")
+    print("sandra decide intersection --command 'drive faster' --walk all \\")
+    print(f"    --figure {picture} --report {page}")
     print("(ranked by the small language model that comes along, docs/embedded.md)\n")
     try:
         picture.parent.mkdir(parents=True, exist_ok=True)
@@ -34,4 +36,4 @@ def _demo(arguments: argparse.Namespace) -> int:
     from sandra.cli import main  # which imports this file
 
     words = ["intersection", "--command", "drive faster", "--walk", "all"]
-    return main(["decide", *words, "--figure", str(picture)])
+    return main(["decide", *words, "--figure", str(picture), "--report", str(page)])

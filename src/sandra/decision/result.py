@@ -98,6 +98,12 @@ class Decision:
 
         return decision_figure(self, path, **options)
 
+    def report(self, path: str | Path) -> Path:
+        """Write an HTML page to look into the decision; see docs/report.md."""
+        from sandra.view.report import decision_document, write
+
+        return write(decision_document(self), path)
+
     def __str__(self) -> str:
         lines = [
             f"{self.scene.name}: ranked by {self.ranking.ranker}, prediction "

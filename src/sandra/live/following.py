@@ -85,7 +85,7 @@ class Follower:
         return Document(
             "episode",
             f"{self.run.name}, {name}",
-            (("under way", f"{len(frames.decisions)} decisions so far"),),
+            (("state", "under way"),),
             maps=tuple(frames.maps),
             decisions=tuple(frames.decisions),
             texts=tuple(frames.texts),

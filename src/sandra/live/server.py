@@ -51,7 +51,8 @@ def application(offer: Offer, access: Access, run: Path | None = None) -> Starle
             names = [x["name"] for x in episodes]
             wanted = name if name in names else (names[-1] if names else "")
             news: dict[str, Any] = {}
-            if wanted:
+            # Of a whole episode there is no news: the page asks whether another one has begun.
+            if wanted and not (known == "all" and wanted == name):
                 same = int(known) if known.isdecimal() and wanted == name else 0
                 news = await run_in_threadpool(follower.news, wanted, same)
         return _json({"episodes": episodes, "episode_name": wanted, **news})

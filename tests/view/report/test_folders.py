@@ -158,6 +158,20 @@ def test_what_is_no_run_is_said_in_one_line(tmp_path: Path, what: str) -> None:
     assert "\n" not in str(error.value)
 
 
+def test_the_command_line_writes_pages(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    page, out = tmp_path / "d.html", tmp_path / "run"
+    words = ["merge", "--horizon", "3", "--accept", "reachable"]
+    assert main(["decide", *words, "--report", str(page), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["report"] == str(page)
+    assert '"kind": "decision"' in page.read_text()
+    drive = ["drive", "highway", "--seeds", "1", "--steps", "1", "--horizon", "2", "--no-view"]
+    assert main([*drive, "--out", str(out)]) == 0
+    assert not (out / "seed-1" / "view.jsonl").exists()
+    assert main(["report", str(out)]) == 0
+    assert "--no-view" in (out / "report.html").read_text()
+    assert main(["report", str(tmp_path / "none")]) == 2
+
+
 def test_a_line_that_is_being_written_is_left_out(run: RunFolder, tmp_path: Path) -> None:
     text = (run.episode(SEED) / "view.jsonl").read_text()
     file = tmp_path / "view.jsonl"

@@ -16,8 +16,8 @@ from sandra.errors import SandraError
 from sandra.reach import Status
 from sandra.view.report import Document, decision_document, page, write
 from sandra.view.report.document import Decided, plain
-from sandra.view.report.packing import unpack_frames, unpack_rows
 from sandra.view.report.html import in_script
+from sandra.view.report.packing import unpack_frames, unpack_rows
 from sandra.view.report.scenery import STATE
 from sandra.view.report.theme import DARK, LIGHT, SHAPES, TEXTS, contrast, css
 from sandra.view.shapes import View

@@ -5,7 +5,8 @@ const ABSENT = -(2 ** 30);
 function integers(text) {
   const bytes = atob(text);
   const found = [];
-  let value = 0, factor = 1;
+  let value = 0,
+    factor = 1;
   for (let i = 0; i < bytes.length; i++) {
     const byte = bytes.charCodeAt(i);
     value += (byte & 127) * factor;
@@ -22,7 +23,9 @@ function integers(text) {
 // -> one list of rings for each step, each ring a flat [x, y, x, y, ...] in metres.
 function unpackFrames(text) {
   const stream = integers(text);
-  let at = 0, x = 0, y = 0;
+  let at = 0,
+    x = 0,
+    y = 0;
   const frames = new Array(stream[at++]);
   for (let f = 0; f < frames.length; f++) {
     const rings = new Array(stream[at++]);
@@ -45,7 +48,8 @@ function unpackFrames(text) {
 // -> rows {x, y, heading, speed, acceleration}, NaN where nothing is known.
 function unpackStates(text) {
   const stream = integers(text);
-  const count = stream[0], columns = stream[1];
+  const count = stream[0],
+    columns = stream[1];
   const scales = [100, 100, 1000, 100, 100];
   const above = new Array(columns).fill(0);
   const rows = new Array(count);
@@ -68,7 +72,8 @@ function between(rows, place) {
   const low = Math.min(Math.max(Math.floor(place), 0), last);
   const high = Math.min(low + 1, last);
   const part = Math.min(Math.max(place - low, 0), 1);
-  const a = rows[low], b = rows[high];
+  const a = rows[low],
+    b = rows[high];
   if (part === 0 || low === high) return a;
   if (Number.isNaN(b.x)) return a;
   const mixed = {};

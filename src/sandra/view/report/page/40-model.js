@@ -3,10 +3,7 @@
 class Decision {
   constructor(data) {
     this.data = data;
-    this.end = Math.max(
-      data.horizon * data.dt,
-      ...data.curves.map((curve) => curve.end),
-    );
+    this.end = Math.max(data.horizon * data.dt, ...data.curves.map((curve) => curve.end));
   }
 
   once(name, make) {
@@ -102,7 +99,8 @@ function pathOf(rings) {
 
 function roadOf(map) {
   const fills = { lane: new Path2D(), current: new Path2D(), other: new Path2D() };
-  const borders = new Path2D(), arrows = new Path2D();
+  const borders = new Path2D(),
+    arrows = new Path2D();
   const across = [Infinity, -Infinity]; // lowest and highest y of all
   for (const lane of map.lanes) {
     const [left, right] = unpackFrames(lane.borders)[0];
@@ -123,7 +121,13 @@ function roadOf(map) {
     }
     if (lane.kind !== "other") addArrows(arrows, left, right);
   }
-  return { fills, borders, arrows, across, goal: map.goal ? pathOf(unpackFrames(map.goal)[0]) : null };
+  return {
+    fills,
+    borders,
+    arrows,
+    across,
+    goal: map.goal ? pathOf(unpackFrames(map.goal)[0]) : null,
+  };
 }
 
 // Small arrow heads along the middle of a lane, where both borders have as many points.
@@ -133,13 +137,16 @@ function addArrows(path, left, right) {
   let left_over = 10;
   for (let i = 1; i < n; i++) {
     const at = (k, c) => (left[2 * k + c] + right[2 * k + c]) / 2;
-    const dx = at(i, 0) - at(i - 1, 0), dy = at(i, 1) - at(i - 1, 1);
+    const dx = at(i, 0) - at(i - 1, 0),
+      dy = at(i, 1) - at(i - 1, 1);
     const long = Math.hypot(dx, dy);
     if (long < 1e-6) continue;
-    const ux = dx / long, uy = dy / long;
+    const ux = dx / long,
+      uy = dy / long;
     let s = left_over;
     for (; s < long; s += 20) {
-      const x = at(i - 1, 0) + ux * s, y = at(i - 1, 1) + uy * s;
+      const x = at(i - 1, 0) + ux * s,
+        y = at(i - 1, 1) + uy * s;
       path.moveTo(x + 0.9 * ux, y + 0.9 * uy);
       path.lineTo(x - 0.9 * ux - 0.45 * uy, y - 0.9 * uy + 0.45 * ux);
       path.lineTo(x - 0.4 * ux, y - 0.4 * uy);

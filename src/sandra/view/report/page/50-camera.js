@@ -42,17 +42,11 @@ class Camera {
   }
 
   world(px, py) {
-    return [
-      this.x + (px - this.wide / 2) / this.scale,
-      this.y - (py - this.high / 2) / this.scale,
-    ];
+    return [this.x + (px - this.wide / 2) / this.scale, this.y - (py - this.high / 2) / this.scale];
   }
 
   screen(x, y) {
-    return [
-      this.wide / 2 + (x - this.x) * this.scale,
-      this.high / 2 - (y - this.y) * this.scale,
-    ];
+    return [this.wide / 2 + (x - this.x) * this.scale, this.high / 2 - (y - this.y) * this.scale];
   }
 
   sees(x, y, margin = 20) {
@@ -65,7 +59,10 @@ class Camera {
   apply(context, ratio) {
     const k = this.scale * ratio;
     context.setTransform(
-      k, 0, 0, -k,
+      k,
+      0,
+      0,
+      -k,
       (this.wide / 2) * ratio - this.x * k,
       (this.high / 2) * ratio + this.y * k,
     );
@@ -81,7 +78,11 @@ function steer(canvas, camera, moved) {
   };
   const spread = () => {
     const [a, b] = [...fingers.values()];
-    return { long: Math.hypot(a[0] - b[0], a[1] - b[1]), x: (a[0] + b[0]) / 2, y: (a[1] + b[1]) / 2 };
+    return {
+      long: Math.hypot(a[0] - b[0], a[1] - b[1]),
+      x: (a[0] + b[0]) / 2,
+      y: (a[1] + b[1]) / 2,
+    };
   };
   canvas.addEventListener("pointerdown", (event) => {
     fingers.set(event.pointerId, place(event));

@@ -23,10 +23,12 @@ function timeColour(part) {
   const key = Math.round(Math.min(Math.max(part, 0), 1) * 100);
   if (!timeCache.has(key)) {
     const place = (key / 100) * (colours.time.length - 1);
-    const low = Math.floor(place), high = Math.min(low + 1, colours.time.length - 1);
+    const low = Math.floor(place),
+      high = Math.min(low + 1, colours.time.length - 1);
     const channel = (text, i) => parseInt(text.slice(1 + 2 * i, 3 + 2 * i), 16);
     const mixed = [0, 1, 2].map((i) => {
-      const a = channel(colours.time[low], i), b = channel(colours.time[high], i);
+      const a = channel(colours.time[low], i),
+        b = channel(colours.time[high], i);
       return Math.round(a + (place - low) * (b - a));
     });
     timeCache.set(key, `rgb(${mixed})`);
@@ -44,7 +46,11 @@ class Painter {
 
   road(road) {
     const { c } = this;
-    for (const [kind, colour] of [["other", "no-cars"], ["lane", "lane"], ["current", "current-lane"]]) {
+    for (const [kind, colour] of [
+      ["other", "no-cars"],
+      ["lane", "lane"],
+      ["current", "current-lane"],
+    ]) {
       c.fillStyle = colours[colour];
       c.fill(road.fills[kind]);
     }
@@ -160,7 +166,8 @@ class Painter {
   body(rings, pose, look) {
     if (!pose || Number.isNaN(pose.x) || !this.camera.sees(pose.x, pose.y)) return;
     const { c } = this;
-    const cos = Math.cos(pose.heading), sin = Math.sin(pose.heading);
+    const cos = Math.cos(pose.heading),
+      sin = Math.sin(pose.heading);
     c.beginPath();
     for (const ring of rings) {
       for (let i = 0; i < ring.length; i += 2) {
@@ -207,7 +214,8 @@ class Painter {
   scaleBar() {
     const { c, camera, ratio } = this;
     const long = [1, 2, 5, 10, 20, 50, 100, 200].find((x) => x * camera.scale >= 50) || 500;
-    const wide = long * camera.scale, y = camera.high - 14;
+    const wide = long * camera.scale,
+      y = camera.high - 14;
     c.save();
     c.setTransform(ratio, 0, 0, ratio, 0, 0);
     c.strokeStyle = colours.ink;

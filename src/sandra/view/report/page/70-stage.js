@@ -1,7 +1,8 @@
 // The map: a canvas, what is drawn on it now, and how long that takes.
 
 const EGO_RING = (long, wide) => {
-  const a = long / 2, b = wide / 2;
+  const a = long / 2,
+    b = wide / 2;
   // With a nose, so that one sees which way it points.
   return [new Float32Array([-a, -b, a - 0.8, -b, a, -b * 0.55, a, b * 0.55, a - 0.8, b, -a, b])];
 };
@@ -24,10 +25,7 @@ class Stage {
     });
     this.canvas.addEventListener("keydown", (event) => this.key(event));
     new ResizeObserver(() => this.resize()).observe(this.canvas);
-    onChange(
-      ["index", "pair", "ahead", "time", "layers", "follow", "theme"],
-      () => this.ask(),
-    );
+    onChange(["index", "pair", "ahead", "time", "layers", "follow", "theme"], () => this.ask());
   }
 
   get decision() {
@@ -35,7 +33,12 @@ class Stage {
   }
 
   key(event) {
-    const move = { ArrowLeft: [40, 0], ArrowRight: [-40, 0], ArrowUp: [0, 40], ArrowDown: [0, -40] };
+    const move = {
+      ArrowLeft: [40, 0],
+      ArrowRight: [-40, 0],
+      ArrowUp: [0, 40],
+      ArrowDown: [0, -40],
+    };
     if (!(event.key in move) || event.altKey || event.ctrlKey || event.metaKey) return;
     event.preventDefault();
     event.stopPropagation();
@@ -67,7 +70,11 @@ class Stage {
     const wide = this.camera.wide < 600 ? 70 : 110;
     this.camera.scale = Math.min(this.camera.wide / wide, this.camera.high / 14);
     const ahead = 0.22 * (this.camera.wide / this.camera.scale);
-    if (ego) this.camera.look(ego.x + ahead * Math.cos(ego.heading), ego.y + ahead * Math.sin(ego.heading));
+    if (ego)
+      this.camera.look(
+        ego.x + ahead * Math.cos(ego.heading),
+        ego.y + ahead * Math.sin(ego.heading),
+      );
     // On a straight road the picture stands still across it.
     const [low, high] = this.model.road(this.decision.data.map).across;
     if (high - low < 40) this.camera.y = (low + high) / 2;
@@ -107,7 +114,8 @@ class Stage {
     if (!decision || !this.canvas.clientWidth) return;
     const begin = performance.now();
     const ratio = Math.min(devicePixelRatio || 1, 2);
-    const wide = Math.round(this.camera.wide * ratio), high = Math.round(this.camera.high * ratio);
+    const wide = Math.round(this.camera.wide * ratio),
+      high = Math.round(this.camera.high * ratio);
     if (this.canvas.width !== wide || this.canvas.height !== high) {
       this.canvas.width = wide;
       this.canvas.height = high;
@@ -170,7 +178,11 @@ function paintOthers(painter, stage, decision, ahead) {
     for (const other of decision.others) {
       const pose = between(other.rows, ahead / decision.data.dt);
       if (ahead > 0 && !other.still) {
-        painter.body(other.ring, other.rows[0], { edge: colours.other, alpha: 0.7, dashes: [3, 2] });
+        painter.body(other.ring, other.rows[0], {
+          edge: colours.other,
+          alpha: 0.7,
+          dashes: [3, 2],
+        });
       }
       painter.body(other.ring, pose, now);
       seen.push([other.id, pose]);
@@ -189,7 +201,10 @@ function paintPast(painter, track, place, dt, colour) {
   for (let age = 5; age >= 1; age--) {
     const past = place - (0.2 * age) / dt;
     if (past < 0) continue;
-    painter.body(track.ring, between(track.rows, past), { fill: colour, alpha: 0.28 - 0.045 * age });
+    painter.body(track.ring, between(track.rows, past), {
+      fill: colour,
+      alpha: 0.28 - 0.045 * age,
+    });
   }
 }
 
@@ -202,7 +217,8 @@ function paintEgo(painter, stage, decision, ahead) {
     const track = model.tracks.find((track) => track.id === model.episode.ego);
     if (track) {
       const place = state.time / model.episode.dt - track.first;
-      if (state.layers.past) paintPast(painter, { ...track, ring }, place, model.episode.dt, colours.ego);
+      if (state.layers.past)
+        paintPast(painter, { ...track, ring }, place, model.episode.dt, colours.ego);
       painter.body(ring, between(track.rows, place), look);
       return;
     }
@@ -212,7 +228,14 @@ function paintEgo(painter, stage, decision, ahead) {
     return;
   }
   painter.body(ring, ego, { edge: colours.ego, alpha: 0.8, dashes: [3, 2] });
-  const planned = decision.along(false, ahead), fail = decision.along(true, ahead);
-  if (fail) painter.body(ring, fail, { fill: colours["fail-safe"], edge: colours.ink, alpha: planned ? 0.75 : 1 });
-  if (planned && ahead <= decision.data.horizon * decision.data.dt + 1e-6) painter.body(ring, planned, look);
+  const planned = decision.along(false, ahead),
+    fail = decision.along(true, ahead);
+  if (fail)
+    painter.body(ring, fail, {
+      fill: colours["fail-safe"],
+      edge: colours.ink,
+      alpha: planned ? 0.75 : 1,
+    });
+  if (planned && ahead <= decision.data.horizon * decision.data.dt + 1e-6)
+    painter.body(ring, planned, look);
 }

@@ -70,7 +70,11 @@ function slider({ id, text, end, step, get, set, tell }) {
     output.textContent = tell(get());
     input.setAttribute("aria-valuetext", tell(get()));
   };
-  return { node: el("div", { class: "slider" }, el("label", { for: id }, text), input, output), show, input };
+  return {
+    node: el("div", { class: "slider" }, el("label", { for: id }, text), input, output),
+    show,
+    input,
+  };
 }
 
 class Player {
@@ -85,7 +89,11 @@ class Player {
 
   showButton() {
     const text = state.playing ? "Pause" : "Play";
-    replaceIn(this.button, el("span", { "aria-hidden": "true" }, state.playing ? "❚❚" : "▶"), ` ${text}`);
+    replaceIn(
+      this.button,
+      el("span", { "aria-hidden": "true" }, state.playing ? "❚❚" : "▶"),
+      ` ${text}`,
+    );
   }
 
   get end() {
@@ -153,7 +161,9 @@ function controls(model, stage, player) {
           change({ ahead: 0 });
           goTo(model, value);
         },
-        tell: (value) => `${number(value, 2)} s` + (model.bare ? "" : `, decision ${decision().data.step + 1} of ${model.decisions.length}`),
+        tell: (value) =>
+          `${number(value, 2)} s` +
+          (model.bare ? "" : `, decision ${decision().data.step + 1} of ${model.decisions.length}`),
       }),
     );
   }
@@ -169,7 +179,10 @@ function controls(model, stage, player) {
         const { dt, horizon } = decision().data;
         const step = Math.round(value / dt);
         if (value === 0) return "now";
-        return `+${number(value, 2)} s, ` + (step > horizon ? "beyond the horizon" : `step ${step} of ${horizon}`);
+        return (
+          `+${number(value, 2)} s, ` +
+          (step > horizon ? "beyond the horizon" : `step ${step} of ${horizon}`)
+        );
       },
     }),
   );
@@ -183,13 +196,20 @@ function controls(model, stage, player) {
   show();
   const speed = el(
     "select",
-    { "aria-label": "Speed of play", onchange: (event) => (player.speed = Number(event.target.value)) },
+    {
+      "aria-label": "Speed of play",
+      onchange: (event) => (player.speed = Number(event.target.value)),
+    },
     [0.25, 0.5, 1, 2, 4].map((x) => el("option", { value: x, selected: x === 1 }, `${x}×`)),
   );
   return el(
     "div",
     { class: "controls" },
     el("div", { class: "play-row" }, player.button, speed),
-    el("div", { class: "sliders" }, rows.map((row) => row.node)),
+    el(
+      "div",
+      { class: "sliders" },
+      rows.map((row) => row.node),
+    ),
   );
 }

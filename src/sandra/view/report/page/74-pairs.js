@@ -8,7 +8,11 @@ class Pairs {
     this.node = card(
       "Action pairs",
       { id: "pairs" },
-      el("p", { class: "faint small" }, "Choose one to see its reachable set. ▶ is driven; a number is its rank."),
+      el(
+        "p",
+        { class: "faint small" },
+        "Choose one to see its reachable set. ▶ is driven; a number is its rank.",
+      ),
       this.list,
     );
     onChange(["index"], () => this.build());
@@ -22,7 +26,10 @@ class Pairs {
 
   build() {
     const had = this.list.contains(document.activeElement);
-    replaceIn(this.list, this.pairs.map((pair) => this.row(pair)));
+    replaceIn(
+      this.list,
+      this.pairs.map((pair) => this.row(pair)),
+    );
     this.mark();
     if (had) this.list.querySelector("[aria-checked=true]")?.focus();
   }
@@ -37,7 +44,12 @@ class Pairs {
         "data-pair": pair.pair,
         onclick: () => choosePair(pair.pair),
       },
-      el("span", { class: "rank" }, pair.executed ? "▶ " : "", pair.rank === null ? "" : `${pair.rank}.`),
+      el(
+        "span",
+        { class: "rank" },
+        pair.executed ? "▶ " : "",
+        pair.rank === null ? "" : `${pair.rank}.`,
+      ),
       el("span", { class: "pair-name" }, pairName(pair.pair)),
       badge(pair.status),
       el("span", { class: "faint small when" }, when || (pair.executed ? "driven" : "")),
@@ -58,12 +70,14 @@ class Pairs {
   key(event) {
     const step = { ArrowDown: 1, ArrowRight: 1, ArrowUp: -1, ArrowLeft: -1 }[event.key];
     const ends = { Home: 0, End: this.pairs.length - 1 };
-    if (step === undefined && !(event.key in ends) && event.key !== " " && event.key !== "Enter") return;
+    if (step === undefined && !(event.key in ends) && event.key !== " " && event.key !== "Enter")
+      return;
     event.preventDefault();
     event.stopPropagation();
     const rows = [...this.list.children];
     const here = rows.indexOf(document.activeElement);
-    const to = event.key in ends ? ends[event.key] : (here + (step || 0) + rows.length) % rows.length;
+    const to =
+      event.key in ends ? ends[event.key] : (here + (step || 0) + rows.length) % rows.length;
     choosePair(this.pairs[to].pair);
     rows[to].focus();
   }
@@ -95,7 +109,11 @@ class PairDetail {
       el("h2", { id: "detail-title" }, pairName(pair.pair), " ", badge(pair.status)),
       el("p", { class: `cause ${pair.status.toLowerCase()}` }, cause(pair, decision.data)),
       !pair.asked &&
-        el("p", { class: "faint small" }, "The decision did not ask for this pair; it was verified for this page alone, on the same ground."),
+        el(
+          "p",
+          { class: "faint small" },
+          "The decision did not ask for this pair; it was verified for this page alone, on the same ground.",
+        ),
       el("h3", null, "What it must satisfy"),
       formula(pair, decision.data.parts),
       el("h3", null, "Size of its reachable set"),
@@ -127,11 +145,16 @@ const OPERATORS = {
 // A formula with its symbols; operators of time carry their meaning.
 function symbols(text) {
   const told = text
-    .replaceAll("<->", "↔").replaceAll("->", "→").replaceAll("<=", "≤").replaceAll(">=", "≥")
-    .replaceAll("&", "∧").replaceAll(" | ", " ∨ ").replaceAll("!", "¬");
-  return told.split(/\b([GFXU])(?=[\s([]|$)/).map((piece) =>
-    piece in OPERATORS ? el("abbr", { title: OPERATORS[piece] }, piece) : piece,
-  );
+    .replaceAll("<->", "↔")
+    .replaceAll("->", "→")
+    .replaceAll("<=", "≤")
+    .replaceAll(">=", "≥")
+    .replaceAll("&", "∧")
+    .replaceAll(" | ", " ∨ ")
+    .replaceAll("!", "¬");
+  return told
+    .split(/\b([GFXU])(?=[\s([]|$)/)
+    .map((piece) => (piece in OPERATORS ? el("abbr", { title: OPERATORS[piece] }, piece) : piece));
 }
 
 function formula(pair, parts) {
@@ -139,17 +162,20 @@ function formula(pair, parts) {
   return el(
     "ul",
     { class: "parts", "aria-label": "Specification of the pair: all of this together" },
-    pair.parts.map((name) => parts[name]).filter(Boolean).map((part) =>
-      el(
-        "li",
-        { class: blamed(part) ? "blamed" : null },
-        el("strong", null, part.name),
-        " ",
-        part.words,
-        blamed(part) && el("span", { class: "unsafe-text" }, " ✗ the cause"),
-        el("code", null, symbols(part.text)),
-        part.values !== part.text && el("code", { class: "faint values" }, symbols(part.values)),
+    pair.parts
+      .map((name) => parts[name])
+      .filter(Boolean)
+      .map((part) =>
+        el(
+          "li",
+          { class: blamed(part) ? "blamed" : null },
+          el("strong", null, part.name),
+          " ",
+          part.words,
+          blamed(part) && el("span", { class: "unsafe-text" }, " ✗ the cause"),
+          el("code", null, symbols(part.text)),
+          part.values !== part.text && el("code", { class: "faint values" }, symbols(part.values)),
+        ),
       ),
-    ),
   );
 }

@@ -5,7 +5,8 @@ function ticks(low, high, count) {
   const power = 10 ** Math.floor(Math.log10(raw || 1));
   const step = [1, 2, 5, 10].map((x) => x * power).find((x) => x >= raw) || power;
   const found = [];
-  for (let x = Math.ceil(low / step - 1e-9) * step; x <= high + 1e-9; x += step) found.push(Math.round(x / step) * step);
+  for (let x = Math.ceil(low / step - 1e-9) * step; x <= high + 1e-9; x += step)
+    found.push(Math.round(x / step) * step);
   return { step, at: found };
 }
 
@@ -15,26 +16,77 @@ const tickText = (value, step) => value.toFixed(step >= 1 ? 0 : step >= 0.1 ? 1 
 const chartWidth = (most = 640) => Math.min(most, Math.max(300, innerWidth - 50));
 
 // Lines over time. lines: [{points: [[t, y]...], class, name}]; `cursor`: a function that gives t.
-function lineChart({ label, unit, end, lines, marks = [], low, high, zero = false, cursor, onseek, height = 120, wide = chartWidth(), first = true }) {
-  const left = 44, right = 10, top = 8, below = first ? 24 : 8;
-  const values = lines.flatMap((line) => line.points.map((p) => p[1])).concat(marks.map((m) => m.value)).filter(Number.isFinite);
-  let yLow = low ?? Math.min(...values, zero ? 0 : Infinity), yHigh = high ?? Math.max(...values, zero ? 0 : -Infinity);
+function lineChart({
+  label,
+  unit,
+  end,
+  lines,
+  marks = [],
+  low,
+  high,
+  zero = false,
+  cursor,
+  onseek,
+  height = 120,
+  wide = chartWidth(),
+  first = true,
+}) {
+  const left = 44,
+    right = 10,
+    top = 8,
+    below = first ? 24 : 8;
+  const values = lines
+    .flatMap((line) => line.points.map((p) => p[1]))
+    .concat(marks.map((m) => m.value))
+    .filter(Number.isFinite);
+  let yLow = low ?? Math.min(...values, zero ? 0 : Infinity),
+    yHigh = high ?? Math.max(...values, zero ? 0 : -Infinity);
   if (!Number.isFinite(yLow) || !Number.isFinite(yHigh)) [yLow, yHigh] = [0, 1];
   const room = 0.08 * (yHigh - yLow) || 0.5;
   if (low === undefined) yLow -= room;
   if (high === undefined) yHigh += room;
   const x = (t) => left + ((wide - left - right) * t) / Math.max(end, 1e-9);
   const y = (v) => top + ((height - top - below) * (yHigh - v)) / (yHigh - yLow);
-  const across = ticks(0, end, wide / 80), up = ticks(yLow, yHigh, height > 90 ? 4 : 2);
+  const across = ticks(0, end, wide / 80),
+    up = ticks(yLow, yHigh, height > 90 ? 4 : 2);
   const root = svg(
     "svg",
     { viewBox: `0 0 ${wide} ${height}`, class: "chart", role: "img", "aria-label": label },
     up.at.map((v) => [
-      svg("line", { class: v === 0 ? "axis" : "grid", x1: left, x2: wide - right, y1: y(v), y2: y(v) }),
-      svg("text", { class: "tick", x: left - 6, y: y(v) + 3.5, "text-anchor": "end" }, tickText(v, up.step)),
+      svg("line", {
+        class: v === 0 ? "axis" : "grid",
+        x1: left,
+        x2: wide - right,
+        y1: y(v),
+        y2: y(v),
+      }),
+      svg(
+        "text",
+        { class: "tick", x: left - 6, y: y(v) + 3.5, "text-anchor": "end" },
+        tickText(v, up.step),
+      ),
     ]),
-    first && across.at.map((t) => svg("text", { class: "tick", x: x(t), y: height - 8, "text-anchor": "middle" }, tickText(t, across.step) + (t === across.at[across.at.length - 1] ? " s" : ""))),
-    marks.map((mark) => svg("line", { class: `mark ${mark.class || ""}`, x1: left, x2: wide - right, y1: y(mark.value), y2: y(mark.value) }, svg("title", null, mark.name))),
+    first &&
+      across.at.map((t) =>
+        svg(
+          "text",
+          { class: "tick", x: x(t), y: height - 8, "text-anchor": "middle" },
+          tickText(t, across.step) + (t === across.at[across.at.length - 1] ? " s" : ""),
+        ),
+      ),
+    marks.map((mark) =>
+      svg(
+        "line",
+        {
+          class: `mark ${mark.class || ""}`,
+          x1: left,
+          x2: wide - right,
+          y1: y(mark.value),
+          y2: y(mark.value),
+        },
+        svg("title", null, mark.name),
+      ),
+    ),
     lines.map((line) => {
       let pen = "";
       let down = false;
@@ -45,9 +97,19 @@ function lineChart({ label, unit, end, lines, marks = [], low, high, zero = fals
           down = true;
         }
       }
-      return svg("path", { class: `line ${line.class || ""}`, d: pen || "M0 0" }, svg("title", null, line.name || label));
+      return svg(
+        "path",
+        { class: `line ${line.class || ""}`, d: pen || "M0 0" },
+        svg("title", null, line.name || label),
+      );
     }),
-    lines.flatMap((line) => (line.crosses || []).filter((p) => Number.isFinite(p[1])).map(([t, v]) => svg("path", { class: "cross", d: `M${x(t) - 3} ${y(v) - 3}l6 6m0 -6l-6 6` }))),
+    lines.flatMap((line) =>
+      (line.crosses || [])
+        .filter((p) => Number.isFinite(p[1]))
+        .map(([t, v]) =>
+          svg("path", { class: "cross", d: `M${x(t) - 3} ${y(v) - 3}l6 6m0 -6l-6 6` }),
+        ),
+    ),
   );
   if (cursor) {
     const line = svg("line", { class: "cursor", y1: top, y2: height - below });
@@ -62,7 +124,12 @@ function lineChart({ label, unit, end, lines, marks = [], low, high, zero = fals
     show();
   }
   if (onseek) seekable(root, left, wide - right, wide, end, onseek);
-  return el("figure", null, el("figcaption", { class: "small" }, label, unit && ` [${unitText(unit)}]`), root);
+  return el(
+    "figure",
+    null,
+    el("figcaption", { class: "small" }, label, unit && ` [${unitText(unit)}]`),
+    root,
+  );
 }
 
 // A drag or click on a chart is a time.
@@ -87,7 +154,14 @@ function sizeChart(pair, decision) {
     label: "Area of the positions",
     unit: "m²",
     end: decision.horizon * decision.dt,
-    lines: [{ points, class: pair.status.toLowerCase(), name: pairName(pair.pair), crosses: pair.empty_step === null ? [] : [points[points.length - 1]] }],
+    lines: [
+      {
+        points,
+        class: pair.status.toLowerCase(),
+        name: pairName(pair.pair),
+        crosses: pair.empty_step === null ? [] : [points[points.length - 1]],
+      },
+    ],
     low: 0,
     cursor: () => state.ahead,
     height: 110,
@@ -101,21 +175,64 @@ function sizeChart(pair, decision) {
 function planCharts(model) {
   const decision = model.decisions[state.index];
   const data = decision.data;
-  if (!decision.curves.length) return [el("p", { class: "faint" }, "There is no trajectory to show.")];
+  if (!decision.curves.length)
+    return [el("p", { class: "faint" }, "There is no trajectory to show.")];
   const points = (curve, key, hold) => {
-    const found = curve.rows.map((row, i) => [Math.min(curve.start + i * curve.dt, curve.end), row[key]]);
+    const found = curve.rows.map((row, i) => [
+      Math.min(curve.start + i * curve.dt, curve.end),
+      row[key],
+    ]);
     if (!hold) return found;
     // An acceleration is applied until the next row.
-    return found.flatMap(([t, v], i) => (i + 1 < found.length ? [[t, v], [found[i + 1][0], v]] : []));
+    return found.flatMap(([t, v], i) =>
+      i + 1 < found.length
+        ? [
+            [t, v],
+            [found[i + 1][0], v],
+          ]
+        : [],
+    );
   };
   const kinds = { planned: "planned", "planned on": "planned-on", "fail-safe": "fail-safe" };
   const lines = (key, hold) =>
-    decision.curves.map((curve) => ({ points: points(curve, key, hold), class: kinds[curve.kind], name: curve.kind }));
+    decision.curves.map((curve) => ({
+      points: points(curve, key, hold),
+      class: kinds[curve.kind],
+      name: curve.kind,
+    }));
   const limit = data.settings.speed_limit;
-  const common = { end: decision.end, cursor: () => state.ahead, onseek: (t) => change({ ahead: t }) };
+  const common = {
+    end: decision.end,
+    cursor: () => state.ahead,
+    onseek: (t) => change({ ahead: t }),
+  };
   return [
-    lineChart({ label: "Speed of the plan", unit: "m/s", lines: lines("speed"), zero: true, marks: limit ? [{ value: limit, name: "speed limit", class: "limit" }] : [], ...common }),
-    lineChart({ label: "Acceleration", unit: "m/s²", lines: lines("acceleration", true), marks: [{ value: data.settings.a_min, name: "lowest" }, { value: data.settings.a_max, name: "highest" }], height: 110, ...common }),
-    el("p", { class: "faint small" }, el("span", { class: "stroke planned" }), " planned until the next decision, dashed after it; ", el("span", { class: "stroke fail-safe" }), " fail-safe, if no new decision comes"),
+    lineChart({
+      label: "Speed of the plan",
+      unit: "m/s",
+      lines: lines("speed"),
+      zero: true,
+      marks: limit ? [{ value: limit, name: "speed limit", class: "limit" }] : [],
+      ...common,
+    }),
+    lineChart({
+      label: "Acceleration",
+      unit: "m/s²",
+      lines: lines("acceleration", true),
+      marks: [
+        { value: data.settings.a_min, name: "lowest" },
+        { value: data.settings.a_max, name: "highest" },
+      ],
+      height: 110,
+      ...common,
+    }),
+    el(
+      "p",
+      { class: "faint small" },
+      el("span", { class: "stroke planned" }),
+      " planned until the next decision, dashed after it; ",
+      el("span", { class: "stroke fail-safe" }),
+      " fail-safe, if no new decision comes",
+    ),
   ];
 }

@@ -4,7 +4,11 @@ function textCards(model) {
   const holder = el("div", { class: "texts" });
   const build = () => {
     const data = model.decisions[state.index].data;
-    replaceIn(holder, promptCard(data.prompt, model.data.texts), el("div", { class: "stack" }, answerCard(data.answer), settingsCard(data)));
+    replaceIn(
+      holder,
+      promptCard(data.prompt, model.data.texts),
+      el("div", { class: "stack" }, answerCard(data.answer), settingsCard(data)),
+    );
   };
   onChange(["index"], build);
   build();
@@ -40,14 +44,33 @@ function answerCard(answer) {
     { id: "answer" },
     el("p", null, el("strong", null, who), answer.cached && " – from the cache on disk"),
     answer.failure &&
-      el("p", { class: "cause unsafe" }, `No ranking: ${answer.failure}`, answer.detail && ` – ${answer.detail.slice(0, 2000)}`),
+      el(
+        "p",
+        { class: "cause unsafe" },
+        `No ranking: ${answer.failure}`,
+        answer.detail && ` – ${answer.detail.slice(0, 2000)}`,
+      ),
     answer.ranking.length
-      ? el("ol", { class: "ranking" }, answer.ranking.map((pair) => el("li", null, pairName(pair))))
+      ? el(
+          "ol",
+          { class: "ranking" },
+          answer.ranking.map((pair) => el("li", null, pairName(pair))),
+        )
       : el("p", null, "No pair was ranked."),
     answer.warnings.map((text) => el("p", { class: "warning-text" }, text)),
-    answer.reasoning && [el("h3", null, "Its reasons"), textBox(answer.reasoning, "Reasons of the ranker")],
+    answer.reasoning && [
+      el("h3", null, "Its reasons"),
+      textBox(answer.reasoning, "Reasons of the ranker"),
+    ],
     raw && fold("The answer, word for word", textBox(raw, "Answer of the ranker")),
-    answer.usage && el("p", { class: "faint small" }, Object.entries(answer.usage).map(([k, v]) => `${k.replaceAll("_", " ")}: ${v}`).join(" · ")),
+    answer.usage &&
+      el(
+        "p",
+        { class: "faint small" },
+        Object.entries(answer.usage)
+          .map(([k, v]) => `${k.replaceAll("_", " ")}: ${v}`)
+          .join(" · "),
+      ),
   );
 }
 
@@ -60,15 +83,28 @@ function durationCard(data) {
       null,
       el("th", { scope: "row" }, name),
       el("td", { class: "number" }, `${number(1e3 * seconds, seconds < 0.01 ? 1 : 0)} ms`),
-      el("td", { class: "bar-cell" }, el("span", { class: "bar", style: { width: `${(100 * seconds) / most}%` } })),
+      el(
+        "td",
+        { class: "bar-cell" },
+        el("span", { class: "bar", style: { width: `${(100 * seconds) / most}%` } }),
+      ),
     ),
   );
   const total = data.durations_s.total;
   return card(
     "How long it took",
     { id: "durations" },
-    el("table", { class: "durations" }, el("caption", { class: "unseen" }, "Duration of each stage"), el("tbody", null, rows)),
-    el("p", { class: "faint small" }, `${number(1e3 * total, 0)} ms in all. The ranker is at work while the others are predicted, so stages may add up to more.`),
+    el(
+      "table",
+      { class: "durations" },
+      el("caption", { class: "unseen" }, "Duration of each stage"),
+      el("tbody", null, rows),
+    ),
+    el(
+      "p",
+      { class: "faint small" },
+      `${number(1e3 * total, 0)} ms in all. The ranker is at work while the others are predicted, so stages may add up to more.`,
+    ),
   );
 }
 
@@ -81,14 +117,22 @@ function settingsCard(data) {
     ["horizon", `${data.horizon} steps of ${data.dt} s`],
     ["executed if", settings.accept],
     ["mode", settings.mode],
-    ["executed", `${data.executed.kind}${data.executed.pair ? ` ${pairName(data.executed.pair)}` : ""}`],
+    [
+      "executed",
+      `${data.executed.kind}${data.executed.pair ? ` ${pairName(data.executed.pair)}` : ""}`,
+    ],
     ["how", data.executed.note],
     ...settings.notes.map((note) => ["assumed", note]),
   ];
   const dropped = data.others.filter((other) => other.dropped.length);
-  for (const other of dropped.slice(0, 12)) rows.push([`${other.kind} ${other.id} broke`, other.dropped.join(", ")]);
+  for (const other of dropped.slice(0, 12))
+    rows.push([`${other.kind} ${other.id} broke`, other.dropped.join(", ")]);
   return card("What it stands on", { id: "settings" }, facts(rows));
 }
 
 const facts = (rows) =>
-  el("dl", { class: "facts" }, rows.map(([name, value]) => el("div", null, el("dt", null, name), el("dd", null, value))));
+  el(
+    "dl",
+    { class: "facts" },
+    rows.map(([name, value]) => el("div", null, el("dt", null, name), el("dd", null, value))),
+  );

@@ -17,7 +17,14 @@ function startLive(told) {
   if (live.follows) {
     page.following = new Following(live, page, show);
     before.before(page.following.node);
-    before.before(el("details", { class: "ask-fold" }, el("summary", null, "Decide a scenario of your own"), form));
+    before.before(
+      el(
+        "details",
+        { class: "ask-fold" },
+        el("summary", null, "Decide a scenario of your own"),
+        form,
+      ),
+    );
     page.following.start();
   } else {
     before.before(form);
@@ -32,7 +39,14 @@ class Following {
     this.select = el("select", { id: "episode", onchange: () => this.choose(this.select.value) });
     this.status = el("span", { class: "faint small" }, "looking …");
     this.edge = el("input", { type: "checkbox", checked: true, id: "edge" });
-    this.node = el("div", { class: "card following", id: "following" }, el("label", { for: "episode" }, "Episode"), this.select, el("label", { for: "edge" }, this.edge, " stay at the newest decision"), this.status);
+    this.node = el(
+      "div",
+      { class: "card following", id: "following" },
+      el("label", { for: "episode" }, "Episode"),
+      this.select,
+      el("label", { for: "edge" }, this.edge, " stay at the newest decision"),
+      this.status,
+    );
   }
 
   start() {
@@ -56,11 +70,13 @@ class Following {
 
   async look() {
     try {
-      const query = new URLSearchParams({ episode: this.name, known: String(this.whole ? 0 : this.known) });
-      if (!this.whole) this.take(await this.live.fetch(`/api/run?${query}`));
+      const known = this.whole ? "all" : String(this.known);
+      const query = new URLSearchParams({ episode: this.name, known });
+      this.take(await this.live.fetch(`/api/run?${query}`));
     } catch (problem) {
       this.status.textContent = problem.message;
     }
+    clearTimeout(this.timer);
     if (this.running) this.timer = setTimeout(() => this.look(), EVERY);
   }
 
@@ -68,13 +84,23 @@ class Following {
     if (!this.running) return;
     const names = news.episodes.map((episode) => episode.name);
     if (names.join() !== [...this.select.options].map((option) => option.value).join()) {
-      replaceIn(this.select, names.map((name) => el("option", { value: name }, name)));
+      replaceIn(
+        this.select,
+        names.map((name) => el("option", { value: name }, name)),
+      );
     }
     if (!news.episode_name) {
       this.status.textContent = "no decision has been made yet";
       return;
     }
-    this.name = this.select.value = news.episode_name;
+    const begun = news.episodes.find((episode) => !episode.done && episode.name !== this.name);
+    if (this.whole && this.edge.checked && begun) {
+      // The one that was followed is complete, and the next one is under way.
+      Object.assign(this, { name: begun.name, known: 0, whole: false });
+      return;
+    }
+    this.select.value = this.name = news.episode_name;
+    if (news.done === undefined) return;
     this.whole = news.done;
     if (news.document) this.first(news.document);
     else if (news.decisions?.length) this.more(news);
@@ -82,7 +108,10 @@ class Following {
   }
 
   first(data) {
-    const kept = this.known > 0 && this.page.model ? { time: state.time, pair: state.pinned ? state.pair : null, pinned: state.pinned } : {};
+    const kept =
+      this.known > 0 && this.page.model
+        ? { time: state.time, pair: state.pinned ? state.pair : null, pinned: state.pinned }
+        : {};
     this.known = data.decisions.length;
     this.show(data);
     const { model } = this.page;

@@ -16,8 +16,27 @@ function helpDialog() {
     "dialog",
     { "aria-labelledby": "help-title" },
     el("h2", { id: "help-title" }, "Keys"),
-    el("table", null, el("tbody", null, KEYS.map(([keys, what]) => el("tr", null, el("th", { scope: "row" }, keys.split(" ").map((key) => el("kbd", null, key))), el("td", null, what))))),
-    el("form", { method: "dialog" }, el("button", { type: "submit" }, "Close")),
+    el(
+      "table",
+      null,
+      el(
+        "tbody",
+        null,
+        KEYS.map(([keys, what]) =>
+          el(
+            "tr",
+            null,
+            el(
+              "th",
+              { scope: "row" },
+              keys.split(" ").map((key) => el("kbd", null, key)),
+            ),
+            el("td", null, what),
+          ),
+        ),
+      ),
+    ),
+    el("button", { type: "button", onclick: () => dialog.close() }, "Close"),
   );
   document.body.append(dialog);
   return dialog;
@@ -34,9 +53,15 @@ function setTheme(name) {
 }
 
 function themeButton() {
-  const button = el("button", { type: "button", onclick: () => setTheme(THEMES[(THEMES.indexOf(state.theme) + 1) % 3]) });
+  const button = el("button", {
+    type: "button",
+    onclick: () => setTheme(THEMES[(THEMES.indexOf(state.theme) + 1) % 3]),
+  });
   const show = () => {
-    replaceIn(button, el("span", { "aria-hidden": "true" }, { light: "☀", dark: "☾", system: "◐" }[state.theme]));
+    replaceIn(
+      button,
+      el("span", { "aria-hidden": "true" }, { light: "☀", dark: "☾", system: "◐" }[state.theme]),
+    );
     button.setAttribute("aria-label", `Colours: ${state.theme}`);
     button.title = `Colours: ${state.theme}`;
   };
@@ -51,13 +76,19 @@ function onKeys(page) {
     const { target } = event;
     const { model, stage, player, help } = page;
     if (event.altKey || event.ctrlKey || event.metaKey || help.open) return;
-    if (target.closest("input:not([type=range]):not([type=checkbox]), textarea, select, [contenteditable]")) return;
+    if (
+      target.closest(
+        "input:not([type=range]):not([type=checkbox]), textarea, select, [contenteditable]",
+      )
+    )
+      return;
     const act = {
       "?": () => help.showModal(),
       t: () => setTheme(THEMES[(THEMES.indexOf(state.theme) + 1) % 3]),
       ...(model && model.decisions.length ? stepping(model, stage, player) : {}),
     }[event.key];
-    const press = event.key === " " && target.closest("button, summary, input, a, pre, [role=region]");
+    const press =
+      event.key === " " && target.closest("button, summary, input, a, pre, [role=region]");
     const slides = target.matches("input[type=range]") && /^(Arrow|Home|End)/.test(event.key);
     if (!act || press || slides) return;
     event.preventDefault();
@@ -67,14 +98,21 @@ function onKeys(page) {
 
 function stepping(model, stage, player) {
   const decision = () => model.decisions[state.index].data;
-  const step = () => (model.episode ? model.episode.dt * model.episode.decided_every : decision().dt);
+  const step = () =>
+    model.episode ? model.episode.dt * model.episode.decided_every : decision().dt;
   const pairs = () => decision().pairs.map((pair) => pair.pair);
   const other = (by) => {
     const names = pairs();
     choosePair(names[(names.indexOf(state.pair) + by + names.length) % names.length]);
     say(`${state.pair}: ${model.decisions[state.index].pair(state.pair)?.status ?? ""}`);
   };
-  const ahead = (by) => change({ ahead: Math.min(Math.max(state.ahead + by * decision().dt, 0), model.decisions[state.index].end) });
+  const ahead = (by) =>
+    change({
+      ahead: Math.min(
+        Math.max(state.ahead + by * decision().dt, 0),
+        model.decisions[state.index].end,
+      ),
+    });
   const move = (by) => (event) => player.seek(player.now + by * step() * (event.shiftKey ? 10 : 1));
   return {
     " ": () => player.toggle(),
