@@ -111,7 +111,7 @@ def test_an_evaluation_links_rows_to_episodes(
 ) -> None:
     out = tmp_path / "table"
     rows = "fail-safe random"
-    words = ["--settings", "1", "--seeds", "3", "--repeats", "2", "--rows", rows]
+    words = ["--settings", "1", "--seeds", "3", "--repeats", "2", "--rows", rows, "--view"]
     assert main(["evaluate", "closed-loop", *words, "--out", str(out)]) == 0
     found = closed_loop_document(out, "pages")
     main_table, beside = found.document.tables

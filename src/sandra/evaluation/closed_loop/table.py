@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from sandra.evaluation.closed_loop.batch import one
 from sandra.evaluation.closed_loop.blame import STANDS
@@ -23,7 +23,7 @@ from sandra.evaluation.closed_loop.entry import (
     paper_dict,
     printed_cells,
 )
-from sandra.evaluation.closed_loop.folder import RunFolder
+from sandra.evaluation.closed_loop.folder import Frames, RunFolder
 from sandra.evaluation.closed_loop.metrics import (
     OURS,
     PAPER,
@@ -141,6 +141,7 @@ def tabulate(
     convention: Convention = OURS,
     workers: int = 1,
     command_line: Sequence[str] = (),
+    frames: Callable[[IO[str]], Frames] | None = None,
     progress: Callable[[int, int, str], None] = lambda done, total, name: None,
 ) -> Table:
     """Drive what is not in the folder yet, and summarise.
@@ -148,6 +149,7 @@ def tabulate(
     Args:
         out: the folder of the run folders. seeds: of the traffic. settings: of the paper.
         workers: processes. progress: called with numbers of episodes after each one.
+        frames: as of `RunFolder`.
 
     Raises:
         SandraError: for what is unknown, or a folder that holds another run.
@@ -156,7 +158,7 @@ def tabulate(
     for row in rows:
         for setting in settings:
             for how in row.in_setting(setting):
-                folder = RunFolder(out / _folder(row, how))
+                folder = RunFolder(out / _folder(row, how), frames)
                 folder.open(how, command_line)
                 runs.append((folder, row, setting, how))
     profile = runs[0][3].profile if runs else "stock"
