@@ -33,13 +33,13 @@ from sandra.learn.tuning.measure import measure, spread
 from sandra.rankers import create
 
 SHIFTS = {
+    "sparse": "--environments highway --densities 0.2 --lanes 5,6 --drivers idm --duration 6",
     "dense": "--environments highway --densities 3 --lanes 5,6 --drivers aggressive --duration 8",
 }
-PARTS = {
-    "tuning": (20_000, "--horizon 15 --windows 3 --vehicles 12"),
-    "test": (21_000, "--horizon 15 --windows 2 --vehicles 9"),
-}
-"""Seed of the first episode, and options of what becomes rows."""
+PARTS = {"tuning": 20_000, "test": 21_000}
+"""Seed of the first episode."""
+WINDOWS = "--horizon 15 --windows 2 --vehicles 9"
+"""Options of what becomes rows."""
 DRAWS = 10_000
 UNTUNED, CONSTANT = "untuned", "constant: most frequent labels of the rows for tuning"
 
@@ -62,9 +62,9 @@ def rows_in(out: Path, shift: str, part: str, episodes: int) -> list[Row]:
     """The labelled rows of one recording, made if need be."""
     file = out / f"{part}.jsonl"
     if not file.exists():
-        folder, (seed, options) = out / part, PARTS[part]
+        folder, seed = out / part, PARTS[part]
         run(f"dataset record --out {folder} {SHIFTS[shift]} --episodes {episodes} --seed {seed}")
-        run(f"dataset build {folder} --out {file} {options}")
+        run(f"dataset build {folder} --out {file} {WINDOWS}")
     return [row for row in read_rows(file) if row.is_labelled]
 
 
@@ -157,12 +157,12 @@ def main(words: list[str] | None = None) -> None:
     )
     parser.add_argument("--model", required=True, metavar="hf:FOLDER")
     parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--shift", choices=tuple(SHIFTS), default="dense")
+    parser.add_argument("--shift", choices=tuple(SHIFTS), default="sparse")
     parser.add_argument("--seeds", type=int, default=3, help="trainings")
-    parser.add_argument("--episodes", type=int, default=40, help="to tune on, and as many to test")
+    parser.add_argument("--episodes", type=int, default=24, help="to tune on, and as many to test")
     parser.add_argument("--lora", default="--loss label --rate 2e-3 --epochs 1 --batch 8")
-    parser.add_argument("--tuning-rows", type=int, default=300, help="at most, evenly")
-    parser.add_argument("--test-rows", type=int, default=400, help="at most, evenly; 0: all")
+    parser.add_argument("--tuning-rows", type=int, default=240, help="at most, evenly")
+    parser.add_argument("--test-rows", type=int, default=250, help="at most, evenly; 0: all")
     chosen = parser.parse_args(words)
     out = chosen.out
     out.mkdir(parents=True, exist_ok=True)
