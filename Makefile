@@ -6,7 +6,7 @@ BIN := .venv/bin
 export OMP_NUM_THREADS := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test coverage check soundness closed-loop differential mutation bench scenarios example-planner example-shield lock clean
+.PHONY: help demo test coverage check docs docs-serve soundness closed-loop differential mutation bench scenarios example-planner example-shield lock clean
 
 help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z.-]+:.*## /{printf "  make %-15s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -24,7 +24,7 @@ help:  ## list the targets
 	$(BIN)/python -m pip check --disable-pip-version-check
 	@touch $@
 
-demo: .venv/.installed  ## decide the intersection scenario with the built-in ranker; pictures in demo/
+demo: .venv/.installed  ## decide the intersection scenario with the language model that comes along; pictures in demo/
 	$(BIN)/sandra demo
 
 test: .venv/.installed  ## the tests
@@ -40,6 +40,14 @@ check: .venv/.installed  ## format, lint, types, import contract, links of the d
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/python scripts/check_links.py
+
+docs: .venv/.installed  ## the documentation site, into site/; a link that leads nowhere is an error
+	$(BIN)/python -m sphinx -q -W --keep-going $(ARGS) -c docs . site
+	@rm -rf jupyter_execute  # the executed notebooks, beside the site
+	@echo "site/index.html"
+
+docs-serve: docs  ## build the site and serve it at http://127.0.0.1:8001
+	$(BIN)/python -m http.server --bind 127.0.0.1 --directory site 8001
 
 soundness: .venv/.installed  ## reachable sets against random trajectories, certificates against adversaries
 	$(BIN)/python -m pytest tests/reach -m soundness
@@ -102,10 +110,10 @@ example-shield: .venv-shield/.installed  ## a DQN is trained, then drives withou
 	@touch $@
 
 lock:  ## resolve requirements.lock anew (needs uv)
-	uv pip compile --quiet --universal --python-version 3.11 --extra highway --extra local --group dev --generate-hashes \
+	uv pip compile --quiet --universal --python-version 3.11 --extra highway --extra local --extra distributed --extra finetune --extra view --group dev --generate-hashes \
 	  --overrides scripts/without-torch.txt \
 	  --no-emit-index-url --no-emit-find-links --custom-compile-command "make lock" \
 	  --output-file requirements.lock pyproject.toml
 
 clean:  ## remove the virtual environment, caches and pictures
-	rm -rf .venv .venv-mutation .venv-peer .venv-planner .venv-shield .mutation demo build dist src/sandra/reach/_native.* .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf .venv .venv-mutation .venv-peer .venv-planner .venv-shield .mutation demo site build dist src/sandra/reach/_native.* .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache

@@ -38,7 +38,8 @@ to 0.4 s, half of them with R_G1, R_G2 and R_G3, half with the set-based predict
 is checked once more by [other code](../tests/grid_check.py): motion, bounds, the full rectangle and
 all it sweeps in the plane, and the formula by direct evaluation.
 
-```
+```bash
+# not run: minutes
 {command}
 ```
 

@@ -93,7 +93,7 @@ def test_verify_with_the_precision_asked_for(
 def test_decide_json_keeps_the_contract(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["decide", SCENARIO, "--command", "drive faster", "--json"]) == 0
     data = json.loads(capsys.readouterr().out)
-    assert data["ranker"].startswith("rules")
+    assert data["ranker"] == "embedded"
     assert data["failure"] is None
     assert 1 <= len(data["ranking"]) <= 3
     assert set(data["durations_s"]) == {"describe", "rank", "predict", "verify", "plan", "total"}

@@ -44,6 +44,7 @@ BACKENDS = (
     "ollama:m",
     "vllm:m",
     "dilu:m",
+    "embedded",
     "rules",
     "random:3",
     "exhaustive",

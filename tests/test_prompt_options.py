@@ -75,7 +75,7 @@ def test_decide_takes_the_same(tmp_path: Path, capsys: pytest.CaptureFixture[str
     words = ["--vision", "ego", "--picture", str(picture), "--accept", "reachable"]
     assert main(["decide", "merge", *words, "--horizon", "6"]) == 0
     out = capsys.readouterr().out
-    assert "ranking: the picture was not looked at: rules reads no pictures" in out
+    assert "ranking: the picture was not looked at: embedded reads no pictures" in out
     assert "tokens (text " in out
     assert f"picture of the prompt: {picture}" in out
     assert picture.exists()

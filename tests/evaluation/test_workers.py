@@ -8,13 +8,14 @@ import subprocess
 import sys
 import time
 from contextlib import closing
+from functools import partial
 from itertools import count, islice
 from pathlib import Path
 
 import pytest
 
 from sandra.errors import ScenarioError, SettingsError
-from sandra.evaluation.workers import Broken, in_order, processes
+from sandra.evaluation.workers import Broken, as_done, in_order, processes
 
 
 def slow_square(n: int) -> int:
@@ -37,6 +38,14 @@ def deadly(n: int) -> int:
     if n == 4:
         os._exit(7)
     return n
+
+
+def mortal(n: int, folder: Path) -> int:
+    """Item 3 is killed once, as by somebody else."""
+    if n == 3 and not (folder / "killed").exists():
+        (folder / "killed").touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return n * n
 
 
 def refusing(n: int) -> int:
@@ -78,11 +87,24 @@ def test_an_exception_is_the_answer_to_its_item(
         assert "ZeroDivisionError" in caplog.text
 
 
-def test_the_death_of_a_process_is_the_answer_to_its_item() -> None:
+def test_an_item_that_kills_processes_is_an_error_after_three() -> None:
     found = list(in_order(deadly, range(7), 2))
     assert [x for x in found if isinstance(x, int)] == [0, 1, 3, 5, 6]
-    assert found[2] == Broken("the process died (signal SIGKILL)")
-    assert found[4] == Broken("the process died (exit status 7)")
+    assert found[2] == Broken("3 processes that had it died; the last: signal SIGKILL")
+    assert found[4] == Broken("3 processes that had it died; the last: exit status 7")
+
+
+def test_a_process_that_is_killed_loses_nothing(tmp_path: Path) -> None:
+    once = partial(mortal, folder=tmp_path)
+    assert list(in_order(once, range(5), 2)) == [0, 1, 4, 9, 16]
+    assert (tmp_path / "killed").exists()
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_as_they_come(workers: int) -> None:
+    found = list(as_done(slow_square, [0, 1, 2, 3], workers))
+    assert sorted(found) == [(n, n * n) for n in range(4)]
+    assert [n for n, _ in found] == ([0, 1, 2, 3] if workers == 1 else [1, 2, 3, 0])
 
 
 @pytest.mark.parametrize("workers", [1, 2])

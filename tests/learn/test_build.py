@@ -16,10 +16,12 @@ from sandra.describe import describe
 from sandra.errors import SandraError, ScenarioError, SettingsError
 from sandra.evaluation.dataset.build import AUTO, build
 from sandra.evaluation.dataset.folder import DataFolder
+from sandra.evaluation.journal import Journal
 from sandra.learn.episodes import SPLITS, Recipe
 from sandra.learn.export import answer, estimated_tokens, example
 from sandra.learn.record import play, save
 from sandra.learn.rows import Row, read_rows
+from sandra.learn.variety import LATERAL_WISHES, LONGITUDINAL_WISHES, OTHER_WISHES, drawn
 from sandra.learn.windows import Windows, ranking, rows_of, split_of_file
 from sandra.rankers.answer import parse_answer
 from sandra.scene.tracks import Tracks
@@ -217,7 +219,12 @@ def test_an_interrupted_build_goes_on_and_ends_the_same(recorded, built, tmp_pat
 
 def test_a_draft_of_another_build_is_not_gone_on_with(recorded, tmp_path):
     out = tmp_path / "data.jsonl"
-    out.with_name("data.jsonl.draft").write_text('{"about": {}}\n{"done": "train/nothing.xml"}\n')
+    draft = out.with_name("data.jsonl.draft")
+    about = {"folder": str(recorded.resolve()), **HOW.to_dict()}
+    Journal(draft, about).add("train/nothing.xml", [])
+    with pytest.raises(SandraError, match=r"differs in vehicles; .*remove it"):
+        build(recorded, out, replace(HOW, vehicles=1))
+    draft.unlink()
     build(recorded, out, replace(HOW, vehicles=1, per_vehicle=1))
     assert any(row.scenario == "train/nothing.xml" for row in read_rows(out))
 
@@ -348,7 +355,8 @@ def test_what_cannot_be_built_is_said(recorded, tmp_path, capsys):
     assert "no .xml file" in capsys.readouterr().err
     assert main(["dataset", "build", str(tmp_path / "missing"), *out]) == 2
     assert "no such folder" in capsys.readouterr().err
-    nowhere = ["--out", str(tmp_path / "no" / "x.jsonl")]
+    (tmp_path / "file").touch()
+    nowhere = ["--out", str(tmp_path / "file" / "x.jsonl")]
     assert main(["dataset", "build", str(recorded), *nowhere]) == 2
     assert "cannot be written" in capsys.readouterr().err
 
@@ -375,3 +383,60 @@ def test_a_recording_as_long_as_a_window_has_one_row(tmp_path):
     assert {row.status for row in rows_of(tmp_path / "piece.xml", "piece.xml", longer, {})} == {
         "short"
     }
+
+
+def test_variety_tells_what_a_recording_does_not_hold(recorded):
+    """A wish, past pairs, the rules, a choice: in the share of prompts that is asked for; the label
+    is never narrowed away, and the same row is told the same way again."""
+    file = sorted(recorded.glob("train/*-0*.xml"))[1]
+    name = f"train/{file.name}"
+    plain = [r for r in rows_of(file, name, HOW, {}) if r.is_labelled]
+    every = [r for r in rows_of(file, name, replace(HOW, variety=1.0), {}) if r.is_labelled]
+    assert every == [r for r in rows_of(file, name, replace(HOW, variety=1.0), {}) if r.is_labelled]
+    assert len(every) == len(plain) > 3
+    for before, after in zip(plain, every, strict=True):
+        assert after.label == before.label in after.feasible
+        assert set(after.feasible) <= set(before.feasible)
+        assert after.ranking[0] == after.label
+        assert "The wish of your passenger is" in after.system
+        assert "The past action pairs are" in after.system
+        assert "R_G1" in after.user
+        assert "only these hold here" in after.user
+        assert "wish" not in before.system
+        assert "R_G1" not in before.user
+
+
+def test_a_wish_fits_what_was_driven_or_is_about_something_else():
+    pair = ActionPair.parse("stop,left-lane")
+    rng = np.random.default_rng(3)
+    fitting = {
+        *LONGITUDINAL_WISHES[pair.longitudinal],
+        *LATERAL_WISHES[pair.lateral],
+        *OTHER_WISHES,
+    }
+    told = Counter(drawn(0.5, pair, rng).command for _ in range(400))
+    assert 150 < told.pop(None) < 250
+    assert set(told) == fitting
+    pasts = [drawn(0.5, pair, rng).past for _ in range(400)]
+    assert {len(past) for past in pasts} == {0, 1, 2, 3, 4, 5}
+
+
+def test_a_bare_prompt_tells_no_accelerations_and_no_road(recorded):
+    file = sorted(recorded.glob("train/*-0*.xml"))[1]
+    name = f"train/{file.name}"
+    plain = [r for r in rows_of(file, name, HOW, {}) if r.is_labelled]
+    every = [r for r in rows_of(file, name, replace(HOW, bare=1.0), {}) if r.is_labelled]
+    assert [r.label for r in every] == [r.label for r in plain]
+    said = re.compile(r"(?:acceleration|steering angle) is (-?[\d.]+)")
+    assert len({float(x) for r in plain for x in said.findall(r.user)}) > 5
+    assert {float(x) for r in every for x in said.findall(r.user)} == {0.0}
+    for before, after in zip(plain, every, strict=True):
+        assert "The speed limit here is" in before.user
+        assert "No speed limit is known here." in after.user
+        assert "on a road of unknown type" in after.user
+
+
+@pytest.mark.parametrize("name", ["variety", "bare"])
+def test_only_a_chance_is_one(name):
+    with pytest.raises(SettingsError, match=f"{name} = 1.5: a chance, from 0 to 1"):
+        Windows(**{name: 1.5})

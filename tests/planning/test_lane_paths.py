@@ -61,7 +61,7 @@ def test_driving_is_the_single_track_model(
     now = np.broadcast_to(state, (2, 2, 5))
     for i in range(60):
         now = step(now, inputs[:, :, i], TAU, WHEELBASE)
-        assert np.abs(now - states[:, :, i + 1]).max() < 1e-5
+        assert np.abs(now - states[:, :, i + 1]).max() < 5e-5
 
 
 @pytest.mark.parametrize("kappa", [0.0, 0.02, -0.02])

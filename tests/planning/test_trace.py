@@ -53,18 +53,18 @@ def steps(
     speed = np.broadcast_to(np.asarray(v, dtype=float), (2,))
     states = np.array([[s, d, 0.0, 0.0, 0.0]] * 2)
     return Steps(
-        corners(states, GROUND.scene.ego),
-        speed,
-        speed if along is None else np.array(along),
-        states[:, :2],
-        np.array([a, a]),
+        corners(states, GROUND.scene.ego)[None],
+        speed[None],
+        speed[None] if along is None else np.array([along]),
+        states[None, :, :2],
+        np.array([[a, a]]),
     )
 
 
 def holds(formula: str | Formula, at: Steps, base: Ground = GROUND) -> bool:
     parsed = parse(formula) if isinstance(formula, str) else formula
     spec = Specification(PAIR, (Part("r", str(formula), parsed),))
-    return satisfies(base, LANES, spec, at)
+    return bool(satisfies(base, LANES, spec, at)[0])
 
 
 @pytest.mark.parametrize(
@@ -87,6 +87,17 @@ def test_comparisons_hold_with_half_a_margin(formula: str, good: float, bad: flo
 def test_exactly_at_the_shifted_bound(op: str, expected: bool) -> None:
     atom = Comparison("v", op, 10.0 + MARGIN / 2)
     assert holds(atom, steps(10.0)) is expected
+
+
+def test_trajectories_are_judged_one_by_one() -> None:
+    """Many at once are judged as each is alone, in their order."""
+    both = (steps(10.0, a=(1.0, 1.0)), steps(9.0), steps(10.0, d=3.6), steps(9.0, a=(2.0, 2.0)))
+    many = Steps(*(np.concatenate([getattr(x, n) for x in both]) for n in Steps.__slots__))
+    for formula in ("G(v > 9.5)", "F(a > 0.5)", "G(in_lane(left))", "G(v < 9.5) | F(a > 0.5)"):
+        spec = Specification(PAIR, (Part("r", formula, parse(formula)),))
+        alone = [holds(formula, one) for one in both]
+        assert satisfies(GROUND, LANES, spec, many).tolist() == alone
+        assert 0 < sum(alone) < len(alone)
 
 
 def test_each_variable_is_the_one_it_names() -> None:
@@ -283,12 +294,12 @@ def test_steps_of_a_driven_trajectory(kappa: float) -> None:
         states.append(advance(states[-1], tuple(u), 0.05, ego.wheelbase))
     found = steps_of(base, np.array(states), inputs, 2)
     at = np.array(states)[::2]
-    assert np.array_equal(found.bodies, corners(at, ego))
-    assert np.array_equal(found.speed, at[:, 3])
-    assert found.inputs.tolist() == [[-2.0, 1.0], [0.25, 0.5], [0.0, 0.0], [0.0, 0.0]]
+    assert np.array_equal(found.bodies[0], corners(at, ego))
+    assert np.array_equal(found.speed[0], at[:, 3])
+    assert found.inputs[0].tolist() == [[-2.0, 1.0], [0.25, 0.5], [0.0, 0.0], [0.0, 0.0]]
     frame = base.scene.frame
-    assert np.array_equal(found.position, frame.to_curvilinear(at[:, :2]))
+    assert np.array_equal(found.position[0], frame.to_curvilinear(at[:, :2]))
     later = np.array([advance(x, (0.0, 0.0), 1e-3, ego.wheelbase) for x in at.tolist()])
-    moved = (frame.to_curvilinear(later[:, :2]) - found.position)[:, 0] / 1e-3
-    assert found.along == pytest.approx(moved, abs=0.03)
+    moved = (frame.to_curvilinear(later[:, :2]) - found.position[0])[:, 0] / 1e-3
+    assert found.along[0] == pytest.approx(moved, abs=0.03)
     assert np.abs(found.along - found.speed).max() > 0.04

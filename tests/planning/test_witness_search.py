@@ -11,6 +11,7 @@ from corridors import base, corridor, wide
 from reach_scenes import Course, prediction
 from sandra.actions import ActionPair
 from sandra.logic import Part, Specification, parse
+from sandra.planning.candidates import COARSE
 from sandra.planning.cost import Weights
 from sandra.planning.limits import MARGIN
 from sandra.planning.tracking import advance
@@ -233,27 +234,40 @@ def test_no_profile() -> None:
     assert str(found) == "no acceleration profile within the inputs and speeds of the corridor"
 
 
+ASIDE = (COARSE / 4, COARSE)
+"""The ego begins so little beside these d that samples are let through, but no drive [m]."""
+
+
 def test_given_up_after_so_many_drives() -> None:
-    found = missed(wide(H), "G(v > 29)")
+    found = missed(wide(H, d=ASIDE))
     counts = dict(found.counts)
-    assert counts["driven formula"] == MOST_DRIVEN
-    assert f"{MOST_DRIVEN} do not satisfy the formula on their own trace" in str(found)
+    assert counts["driven corridor"] == MOST_DRIVEN
+    assert f"{MOST_DRIVEN} leave the corridor when driven with the single-track model" in str(found)
     assert str(found).endswith(f"(given up after {MOST_DRIVEN} drives)")
     # Of each profile at most so many: with sixty drives ten of the first twelve are seen.
     assert counts["skipped"] > 0
 
 
 def test_of_one_profile_only_a_few_are_driven_in_vain() -> None:
-    found = missed(wide(H, a=STEADY), "G(v > 29)")
+    found = missed(wide(H, a=STEADY, d=ASIDE))
     counts = dict(found.counts)
-    # In the one stage that has candidates here.
-    assert counts["driven formula"] == MOST_PER_PROFILE
+    # In each of the two stages that have candidates here.
+    assert counts["driven corridor"] == 2 * MOST_PER_PROFILE
     assert counts["skipped"] > 0
     assert f"{counts['skipped']} are like others that failed" in str(found)
     assert "given up" not in str(found)
     assert str(found).startswith(f"all {sum(counts.values())} candidates fail: ")
     assert [n for _, n in found.counts] == sorted(counts.values(), reverse=True)
     assert min(counts.values()) > 0
+
+
+def test_what_breaks_the_formula_as_a_sample_is_not_driven() -> None:
+    found = missed(wide(H), "G(v > 29)")
+    counts = dict(found.counts)
+    assert counts["formula"] > MOST_DRIVEN
+    assert not any(name.startswith("driven") for name in counts)
+    assert f"{counts['formula']} do not satisfy the formula" in str(found)
+    assert "given up" not in str(found)
 
 
 def test_every_sample_is_looked_at_or_counted() -> None:

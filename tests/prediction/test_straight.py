@@ -129,6 +129,20 @@ def test_places_are_those_of_the_cells() -> None:
             assert p.relative_heading == pytest.approx(by_id[p.lanelet].relative_heading)
 
 
+def test_places_go_as_far_as_the_bounds_themselves() -> None:
+    """A lane of 4 m between s = 0 and 80 m, in two lanelets, with numbers that are exact."""
+    road = StraightRoad(np.zeros(2), 0.0, ((1, 2),), ((0.0, 40.0, 80.0),), (0.0, 4.0), 16.0)
+
+    def at(x: float, y: float) -> list[int]:
+        return [p.lanelet for p in road.places(x, y, 0.0, 0.25)]
+
+    for x, y, lanelet in ((8.0, -0.25, 1), (8.0, 4.25, 1), (-20.25, 2.0, 1), (96.25, 2.0, 2)):
+        assert at(x, y) == [lanelet]
+        assert at(x + np.sign(x - 8.0) * 2.0**-20, y + np.sign(y - 2.0) * 2.0**-20) == []
+    # where the second begins it is the second
+    assert (at(40.0, 2.0), at(40.0 - 2.0**-20, 2.0)) == ([2], [1])
+
+
 def moved(lanelets: tuple[Lanelet, ...], number: int, **changes: object) -> tuple[Lanelet, ...]:
     return tuple(
         replace(x, **changes) if x.id == number else x  # type: ignore[arg-type]

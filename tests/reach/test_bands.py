@@ -373,6 +373,12 @@ def test_of_a_border_of_many_kilometres_only_what_is_near_is_read(turn: float) -
         held = np.hypot(*(near - middle).T) <= 30.0
         gaps = np.abs(near[held][:, None] - points[None]).sum(axis=2).min(axis=1)
         assert gaps.max() < 0.15
+    # where it ends, no more than its last piece; up to 100 m it is read whole
+    for length, count in ((200.0, 2), (100.25, 2), (100.0, 401)):
+        end = np.array([length, 0.0])
+        points, _, _ = _dense([np.array([np.zeros(2), end])], end, 0.1)
+        assert points[-2:].tolist() == [[length - 0.25, 0.0], [length, 0.0]]
+        assert len(points) == count
 
 
 def test_borders_are_read_as_far_as_a_body_anywhere_in_the_lattice_reaches() -> None:

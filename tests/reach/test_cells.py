@@ -108,16 +108,55 @@ def test_long_cells_on_the_outside_of_a_bend_at_the_end_of_the_road(offset: floa
     assert 100 < found.sum() < found.size - 100
 
 
+def test_only_a_lanelet_within_reach_of_no_row_of_cells_is_left_out() -> None:
+    """Cells of 0.5 m by 6 m: the lanelets beside the road are 10 m away from all but one row."""
+    course = Course()
+    beside = [course.lane("none", 110, 11.0, 12.0), course.lane("none", 111, -12.0, -11.0)]
+    lattice = Lattice(38.0, -15.0, 0.5, 6.0, 2, 5)
+    found = off(course.scene(course.lanes(left=0, right=0), more_lanelets=beside), lattice)
+    assert lattice.centers()[1].tolist() == [-12.0, -6.0, 0.0, 6.0, 12.0]
+    # 3.01 m from the centre to a corner: rows at 6 m are 4.25 m from the one, 5 m from the other
+    assert found.tolist() == [[False, True, False, True, False]] * 2
+
+
 def test_cells_up_to_twice_as_large_are_told_like_the_largest() -> None:
     """0.75 m by 1 m: 0.625 m from the centre to a corner, and as much again by bulging."""
     scene = Course().scene(Course().lanes(left=0, right=0))
-    lattice = Lattice(38.25, -4.0, 0.75, 1.0, 2, 8)
+    lattice = Lattice(38.25, -4.0, 0.75, 1.0, 3, 8)
     corners = grid(scene, *lattice.corners())
     away = corners[:-1, :-1] - grid(scene, *lattice.centers())
     assert (np.hypot(away[..., 0], away[..., 1]) == 0.625).all()
-    for bulging, alike in ((0.625, True), (0.625 + 2.0**-40, False)):
-        found = off_road(scene, lattice, np.array([0.0, bulging]))
-        assert (found[0] == found[1]).all() == alike
+    # alone, and beside cells that are much larger
+    for larger in (0.0, 8.0):
+        for bulging, alike in ((0.625, True), (0.625 + 2.0**-40, False)):
+            found = off_road(scene, lattice, np.array([0.0, bulging, larger]))
+            assert (found[0] == found[1]).all() == alike
+
+
+@pytest.mark.parametrize("alike", [True, False])
+def test_how_large_cells_are_is_asked_at_the_ends_and_in_the_middle(alike: bool) -> None:
+    """Where the line bends one way and back within 4 m, cells are smallest about the line."""
+    heading = np.array([0.0, *np.linspace(0.0, 0.5, 9)[1:], *np.linspace(0.5, 0.0, 9)[1:], 0.0])
+    steps = np.array([40.0, *np.full(16, 0.25), 40.0])[:, None]
+    line = np.cumsum(steps * np.column_stack([np.cos(heading), np.sin(heading)]), axis=0)
+    course = Course()
+    # The road, right of y = 0.5 m, does not follow the line.
+    lane = course.lane("current", 100, -10.0, 0.5)
+    scene = course.scene([replace(lane, center=line, frame=Frame(line - line[0]))])
+    lattice = Lattice(0.0, -1.5, 4.0, 0.125, 2, 48)
+    lines = [scene.frame.across(s) for s in (lattice.centers()[0], lattice.corners()[0])]
+    slack = _slack(lattice, *lines, np.arange(lattice.rows))
+    smallest = slack[0, [0, 24, 47]].min()
+    assert slack[0, 8:16].max() < 0.95 * smallest
+    # The cells of the other column are twice as large as that, or more by rounding.
+    bulges = np.array([0.0, 2 * smallest - slack[1].max()])
+    largest = (slack + bulges[:, None]).max()
+    assert largest == 2 * smallest
+    if not alike:
+        bulges[1] += 2.0**-40
+    found = off_road(scene, lattice, bulges)
+    y = grid(scene, *lattice.centers())[..., 1]
+    assert (found[0] == (y[0] > 0.5 + largest - 0.9)).all() == alike
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -159,3 +198,13 @@ def test_in_a_lattice_where_cells_differ_much_each_is_told_by_its_own_size() -> 
     assert (inside[found] <= 0.9 - slack[found] + 0.1).all()
     # told like the largest of those up to twice as large
     assert found[inside < 0.9 - 2 * slack - 0.1].all()
+
+
+def test_what_lies_on_the_border_is_inside_on_the_left_and_at_the_beginning() -> None:
+    """A square of 1 m, and lines upwards along its sides and past them."""
+    foot = np.column_stack([[-0.5, 0.0, 0.5, 1.0, 1.5], np.zeros(5)])
+    upwards = np.tile([0.0, 1.0], (5, 1))
+    d = np.array([-0.5, 0.0, 0.5, 1.0, 1.5])
+    rows, columns = [0, 1, 1, 0, 0], [0, 0, 1, 1, 0]
+    found = _inside(shapely.box(0.0, 0.0, 1.0, 1.0), foot, upwards, d)
+    assert (found == np.outer(columns, rows)).all()

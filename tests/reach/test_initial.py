@@ -154,6 +154,11 @@ def test_borders_far_away_are_left_out_however_long_their_parts_are() -> None:
     assert set(_borders_between(scene, (40.0, 42.0), 2.0)) == {-1.75, 1.75, 5.0}
 
 
+def test_without_any_lanelet_there_is_no_border() -> None:
+    scene = replace(Course().scene(), lanelets=())
+    assert _borders_between(scene, (40.0, 60.0), 25.0).shape == (0,)
+
+
 def test_borders_around_an_ego_that_is_not_at_the_origin() -> None:
     """Distances are measured from the ego, wherever the map puts its origin."""
     scene = Course().scene(Course().lanes(left=0, right=0))

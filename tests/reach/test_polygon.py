@@ -398,6 +398,12 @@ def test_corners_as_far_apart_as_rounding_lie_on_one_line(monkeypatch: pytest.Mo
     assert swept(narrow, 0.0, 1.0) == [*narrow[:2], *sides]
 
 
+def test_a_triangle_is_swept_in_the_order_in_which_the_native_kernel_does_it() -> None:
+    """The chain that stays, then the one that moves; the hull would begin on the far left below."""
+    found = swept([(0.0, 0.0), (2.0, 0.0), (0.0, 2.0)], 1.0, 1.0)
+    assert found == [(0.0, 2.0), (0.0, 0.0), (2.0, 0.0), (3.0, 1.0), (1.0, 3.0)]
+
+
 def test_of_edges_that_add_the_same_area_the_first_goes(monkeypatch: pytest.MonkeyPatch) -> None:
     cut_off = [(1.0, 0.0), (2.0, 0.0), (3.0, 1.0), (3.0, 2.0)]
     cut_off += [(2.0, 3.0), (1.0, 3.0), (0.0, 2.0), (0.0, 1.0)]

@@ -342,6 +342,16 @@ def test_bounds_of_motion_are_those_of_the_settings() -> None:
     assert compute(base, Specification(ALL_PAIRS[0], ()), nowhere).first_empty_step == 0
 
 
+def test_sets_are_as_tight_as_the_settings_say() -> None:
+    """A parallelogram of speeds and places after a step, or a hexagon of three quarters of it."""
+    for precision, corners in (("quick", 4), ("tight", 6)):
+        base = empty_road(Settings(horizon=1, precision=precision))
+        found = compute(base, Specification(ALL_PAIRS[0], ()))
+        assert found.lattice == base.lattice
+        (reached,) = found.steps[1]
+        assert len(reached.lon) == len(reached.lat) == corners
+
+
 def test_a_figure_of_verdicts(tmp_path: Path) -> None:
     found = verify_on(empty_road(), [ALL_PAIRS[0]])
     sizes = []

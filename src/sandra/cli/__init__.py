@@ -20,7 +20,9 @@ from sandra.cli import (
     demo,
     drive,
     evaluate,
+    figure,
     film,
+    finetune,
     label,
     monitor,
     prompt,
@@ -66,19 +68,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"sandra {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     deciding = (decide, verify, drive, prompt, certificate)
-    watching = (
-        report,
-        view,
-        monitor,
-        conformance,
-        film,
-        label,
-        evaluate,
-        dataset,
-        bench,
-        scenarios,
-        demo,
-    )
-    for each in (*deciding, *watching):
+    watching = (report, view, monitor, conformance, figure, film, label)
+    others = (evaluate, dataset, finetune, bench, scenarios, demo)
+    for each in (*deciding, *watching, *others):
         each.add(commands)
     return parser

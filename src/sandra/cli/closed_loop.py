@@ -39,6 +39,7 @@ def add(actions: Any) -> None:
         "sandra evaluate closed-loop --settings 1,2,3 --paper-seeds --rows 'idm rules/*/paper' "
         "--workers auto --out runs/table; with a model: sandra evaluate closed-loop "
         "--ranker openai:MODEL --rows 'openai*' --deadline 5 --cache answers --prices prices.toml",
+        "on a Dask cluster: sandra evaluate closed-loop --paper-seeds --scheduler tcp://HOST:8786",
     )
     parser.add_argument(
         "--rows",

@@ -38,6 +38,7 @@ def _add_record(actions: Any) -> None:
         "broke off with an error",
         "sandra dataset record --out data --environments highway,merge --densities 1,2 --lanes 3,4 "
         "--drivers mixed --episodes 200 --workers auto",
+        "on a Dask cluster: sandra dataset record --out data --scheduler tcp://HOST:8786",
     )
     parser.add_argument("--out", required=True, metavar="DIR", help="a new folder, or one begun")
     parser.add_argument(
@@ -106,6 +107,7 @@ def _add_build(actions: Any) -> None:
         "first; what has no label is a row that says why; with a card beside it; an interrupted "
         "build goes on; exit status 1 if no row has a label",
         "sandra dataset build data --out data.jsonl --labeler mean --windows 3 --balance",
+        "on a Dask cluster: sandra dataset build data --out data.jsonl --scheduler tcp://HOST:8786",
     )
     parser.add_argument("folder", metavar="DIR", help="of 'sandra dataset record', or any other")
     parser.add_argument("--out", required=True, metavar="FILE.jsonl", help="what is written")
@@ -135,6 +137,23 @@ def _add_build(actions: Any) -> None:
     parser.add_argument(
         "--seed", type=int, default=0, metavar="S", help="of all that is chosen at random"
     )
+    parser.add_argument(
+        "--variety",
+        type=float,
+        default=0.0,
+        metavar="P",
+        help="chance that a prompt tells what a recording does not hold, each by itself: a wish "
+        "that fits what was driven, past pairs by chance, the rules, and that only some pairs "
+        "may be ranked",
+    )
+    parser.add_argument(
+        "--bare",
+        type=float,
+        default=0.0,
+        metavar="P",
+        help="chance that a prompt tells no accelerations and steering (all 0, as in many "
+        "converted recordings), and that it tells neither the road's type nor its limits, each",
+    )
     parser.add_argument("--settings", metavar="FILE", help="a TOML file with parameters")
     add_workers(parser)
     parser.add_argument("--json", action="store_true", help="print the card as one JSON object")
@@ -158,6 +177,8 @@ def _build(arguments: argparse.Namespace) -> int:
             per_vehicle=arguments.windows,
             vehicles=arguments.vehicles,
             seed=arguments.seed,
+            variety=arguments.variety,
+            bare=arguments.bare,
             settings=settings,
         ),
         arguments.balance,

@@ -40,9 +40,10 @@ def add(commands: Any) -> None:
     add_prompting(parser)
     parser.add_argument(
         "--ranker",
-        default="rules",
+        default="embedded",
         metavar="NAME",
-        help="rules (rule-based, no language model); a model on a server: openai:MODEL "
+        help="embedded (a small language model that comes along, docs/embedded.md); rules "
+        "(rule-based, no language model); a model on a server: openai:MODEL "
         "(openai:gpt-5-mini, or openai:gpt-5-mini#api=responses), ollama:MODEL (ollama:qwen3:4b), "
         "vllm:MODEL (vllm:Qwen/Qwen3-4B), dilu:MODEL (DiLu's loop, docs/dilu.md); "
         "one in this process: gguf:FILE (gguf:model.gguf), "

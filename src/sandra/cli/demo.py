@@ -26,7 +26,7 @@ def _demo(arguments: argparse.Namespace) -> int:
     page = picture.with_suffix(".html")
     print("sandra decide intersection --command 'drive faster' --walk all \\")
     print(f"    --figure {picture} --report {page}")
-    print("(ranked by the embedded rule-based ranker 'rules'; no language model is asked)\n")
+    print("(ranked by the small language model that comes along, docs/embedded.md)\n")
     try:
         picture.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:

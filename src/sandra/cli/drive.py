@@ -53,7 +53,9 @@ def add(commands: Any) -> None:
     )
     parser.add_argument("--profile", default="stock", metavar="NAME", help="stock or paper")
     parser.add_argument("--steps", type=int, default=30, metavar="N", help="decisions, 0.2 s each")
-    parser.add_argument("--ranker", default="rules", metavar="NAME", help="as in 'sandra decide'")
+    parser.add_argument(
+        "--ranker", default="embedded", metavar="NAME", help="as in 'sandra decide'"
+    )
     parser.add_argument("--command", dest="wish", metavar="TEXT", help="the driver's wish")
     add_server(parser)
     parser.add_argument(

@@ -23,6 +23,8 @@ def add(commands: Any) -> None:
         "file or a window could not be used",
         "sandra label recordings/ --labeler mean --horizon 25 --stride 10 --ego all "
         "--workers auto --out runs/labels",
+        "on a Dask cluster: sandra label recordings/ --ego all --scheduler tcp://HOST:8786 "
+        "--out runs/labels",
     )
     add_scenarios(parser)
     parser.add_argument(

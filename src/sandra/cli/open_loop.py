@@ -13,6 +13,7 @@ from sandra.cli.rankings import write_tables
 from sandra.errors import SandraError
 
 if TYPE_CHECKING:
+    from sandra.evaluation.labelling.batch import Places
     from sandra.evaluation.open_loop.evaluate import OpenLoop
     from sandra.evaluation.open_loop.setups import Conditions, Setup
 
@@ -29,6 +30,7 @@ def add(actions: Any) -> None:
         "sandra evaluate open-loop recordings/ --ranker rules --ranker openai:gpt-4o "
         "--command none --command 'drive cautiously' --horizon 10,25,50 --rule-prompt both "
         "--workers auto --out runs/open-loop --figures",
+        "on a Dask cluster: sandra evaluate open-loop recordings/ --scheduler tcp://HOST:8786",
     )
     add_scenarios(parser)
     parser.add_argument(
@@ -76,6 +78,15 @@ def add(actions: Any) -> None:
         "--labeler", choices=("mean", "strict", "area"), default="mean", help="see 'sandra label'"
     )
     add_choice(parser, "--label-horizon", windows=1)
+    parser.add_argument(
+        "--rows",
+        metavar="FILE.jsonl",
+        help="of 'sandra dataset build' on the one folder that is named: its labelled windows, "
+        "balanced as they may be, instead of those of --ego, --stride and --windows",
+    )
+    parser.add_argument(
+        "--split", choices=("train", "validation", "test", "all"), default="test", help="of --rows"
+    )
     parser.add_argument("--settings", metavar="FILE", help="a TOML file with parameters")
     add_workers(parser)
     parser.add_argument(
@@ -98,11 +109,13 @@ def _open_loop(arguments: argparse.Namespace) -> int:
     from sandra.evaluation.open_loop.evaluate import open_loop
 
     out = Path(arguments.out)
+    only = None if arguments.rows is None else _places(arguments)
     found = open_loop(
-        files_of(arguments.scenarios),
+        files_of(arguments.scenarios) if only is None else list(only),
         setups_of(arguments),
         choice_of(arguments, arguments.labeler),
         conditions_of(arguments),
+        only=only,
         journal=out / "journal.jsonl",
         workers=workers_of(arguments),
         progress=lambda done, total, name: progress(f"{done} of {total} files: {name}"),
@@ -124,6 +137,24 @@ def _open_loop(arguments: argparse.Namespace) -> int:
                 print(sheet.text(arguments.format))
         tell_written(written)
     return 1 if found.errors else 0
+
+
+def _places(arguments: argparse.Namespace) -> dict[Path, Places]:
+    """By file, the egos and steps of the rows that have a label."""
+    from sandra.learn.rows import read_rows
+
+    if len(arguments.scenarios) != 1:
+        raise SandraError("--rows: name the one folder that the rows were built from")
+    found: dict[Path, list[tuple[int, int]]] = {}
+    for row in read_rows(Path(arguments.rows)):
+        if not row.is_labelled or arguments.split not in ("all", row.split):
+            continue
+        if row.ego is not None and row.step is not None:
+            path = Path(arguments.scenarios[0]) / row.scenario
+            found.setdefault(path, []).append((row.ego, row.step))
+    if not found:
+        raise SandraError(f"{arguments.rows}: no labelled row in split '{arguments.split}'")
+    return {path: tuple(places) for path, places in found.items()}
 
 
 def setups_of(arguments: argparse.Namespace) -> tuple[Setup, ...]:

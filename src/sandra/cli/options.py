@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from sandra.errors import SandraError
 
 if TYPE_CHECKING:
+    from sandra.evaluation.workers import Workers
     from sandra.logic import Vocabulary
     from sandra.rankers.usage import Price
     from sandra.scene import Scene
@@ -132,17 +133,32 @@ def add_format(parser: argparse.ArgumentParser, of_what: str = "of what is print
 
 
 def add_workers(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
+    """On how many processes of this machine, or where else, many scenarios are worked on."""
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument(
         "--workers",
         default="1",
         metavar="N",
         help="processes, 'auto' for one on each core; the results are the same",
     )
+    where.add_argument(
+        "--scheduler",
+        metavar="tcp://HOST:PORT",
+        help="of a Dask cluster that runs already, instead of processes here (docs/cluster.md); "
+        "the results are the same",
+    )
 
 
-def workers_of(arguments: argparse.Namespace) -> int:
-    from sandra.evaluation.workers import ALL_CORES
+def workers_of(arguments: argparse.Namespace) -> Workers:
+    from sandra.evaluation.workers import ALL_CORES, Cluster
 
+    if arguments.scheduler is not None:
+        if getattr(arguments, "cache", None) is not None:
+            raise SandraError(
+                "--cache with --scheduler: each worker's machine would keep answers of its own; "
+                "leave one of them away"
+            )
+        return Cluster(arguments.scheduler)
     text = arguments.workers.strip().lower()
     if text in ("auto", "0"):
         return ALL_CORES

@@ -26,6 +26,7 @@ def add(actions: Any) -> None:
         "execute certificates while the others do their worst: exit status 0 if there was neither "
         "a collision nor a broken rule, else 1",
         "sandra evaluate soundness intersection merge --rollouts 1000 --workers auto",
+        "on a Dask cluster: sandra evaluate soundness --rollouts 1000000 --scheduler tcp://HOST:8786",
     )
     parser.add_argument(
         "scenarios",

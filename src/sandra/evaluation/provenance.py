@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import platform
 import subprocess
+from collections.abc import Sequence
 from importlib import metadata
 from pathlib import Path
 
 PACKAGES = ("sandra", "highway-env", "gymnasium", "numpy", "shapely", "commonroad-io")
 
 
-def versions() -> dict[str, str]:
-    """Of Python and of the packages that what is simulated and computed depends on."""
+def versions(more: Sequence[str] = ()) -> dict[str, str]:
+    """Of Python and of the packages that what is simulated and computed depends on; and `more`."""
     found = {"python": platform.python_version()}
-    for name in PACKAGES:
+    for name in (*PACKAGES, *more):
         try:
             found[name] = metadata.version(name)
         except metadata.PackageNotFoundError:

@@ -19,7 +19,7 @@ from sandra.actions import ALL_PAIRS
 from sandra.certify import Basis, certify
 from sandra.errors import SandraError
 from sandra.evaluation.reasons import PREFIX, kind_of
-from sandra.evaluation.workers import Broken, in_order
+from sandra.evaluation.workers import Broken, Workers, in_order
 from sandra.prediction import predict
 from sandra.reach import Status, ground, verify_on
 from sandra.scene import load
@@ -141,7 +141,7 @@ def tabulate(
     rule_sets: Sequence[Rules] = RULE_SETS,
     *,
     settings: Settings | None = None,
-    workers: int = 1,
+    workers: Workers = 1,
     progress: Callable[[int, int, str], None] = lambda done, total, name: None,
 ) -> Table:
     """Verify all twelve pairs of each scenario, and look for a certificate of each REACHABLE one.
@@ -149,13 +149,13 @@ def tabulate(
     Args:
         paths: CommonRoad files. predictions: kinds, see `sandra.predict`.
         rule_sets: sets of rules; () is none.
-        workers: number of processes; 0 for all cores. The rows are the same.
+        workers: see `sandra.evaluation.workers`. The rows are the same.
         progress: is told (units done, all units, name of the one that is done).
     """
     units = [(path, prediction) for path in paths for prediction in predictions]
     work = partial(_unit, rule_sets=tuple(rule_sets), settings=settings or Settings())
     rows: list[Row] = []
-    with closing(in_order(work, units, workers)) as answers:
+    with closing(in_order(work, units, workers, lambda unit: unit[:1])) as answers:
         for done, ((path, prediction), found) in enumerate(zip(units, answers, strict=True), 1):
             if isinstance(found, Broken):
                 error = f"internal error: {found.error}"

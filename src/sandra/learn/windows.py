@@ -11,13 +11,17 @@ from typing import Any
 import numpy as np
 
 from sandra.actions import ActionPair
-from sandra.describe import describe
+from sandra.describe import describe, narrow
 from sandra.errors import ScenarioError, SettingsError
 from sandra.learn.episodes import SPLITS, split_of
 from sandra.learn.labels import LABELERS, label
 from sandra.learn.rows import Row, RowStatus
+from sandra.learn.variety import bare, drawn, some
 from sandra.scene.tracks import Track, Tracks
 from sandra.settings import Settings
+
+RULES = ("R_G1", "R_G2", "R_G3")
+"""What a prompt with rules tells."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,8 +31,11 @@ class Windows:
     Args:
         labeler: see `sandra.learn.labels`. per_vehicle: windows of a trajectory, spread evenly.
         vehicles: of a scenario, chosen by the seed; 0: all. seed: also of the order of the pairs
-            after the label. settings: `horizon` is the length of a window, in steps; all that
-            prompts depend on.
+                after the label.
+        variety: chance that a prompt tells a wish, past pairs, the rules, and that only some pairs
+            may be ranked, each (`sandra.learn.variety`).
+        bare: chance that a prompt tells no accelerations, and no road type and limits, each.
+        settings: `horizon` is the length of a window, in steps; all that prompts depend on.
 
     Raises:
         SettingsError: a value out of range.
@@ -38,9 +45,14 @@ class Windows:
     per_vehicle: int = 3
     vehicles: int = 0
     seed: int = 0
+    variety: float = 0.0
+    bare: float = 0.0
     settings: Settings = field(default_factory=Settings)
 
     def __post_init__(self) -> None:
+        for name, chance in (("variety", self.variety), ("bare", self.bare)):
+            if not 0.0 <= chance <= 1.0:
+                raise SettingsError(f"{name} = {chance}: a chance, from 0 to 1")
         if self.labeler not in LABELERS:
             known = ", ".join(LABELERS)
             raise SettingsError(f"labeler '{self.labeler}' is unknown; known are {known}")
@@ -121,14 +133,23 @@ def _labelled(tracks: Tracks, row: Row, ego: int, step: int, how: Windows) -> Ro
     found = label(scene, settings.horizon, how.labeler, settings)
     if found.pair is None:
         return replace(row, status=RowStatus.UNKNOWN.value, detail=found.reason)
-    prompt = describe(scene, settings=settings)
+    where = f"{row.scenario} {ego} {step}"
+    rng = _rng(how.seed, f"{where} variety")
+    more = drawn(how.variety, found.pair, rng)
+    scene = bare(scene, how.bare, _rng(how.seed, f"{where} bare"))
+    prompt = describe(
+        scene, more.command, more.past, RULES, rule_prompt=more.rule_prompt, settings=settings
+    )
     row = replace(row, label=str(found.pair), feasible=tuple(map(str, prompt.feasible)))
     if found.pair not in prompt.feasible:
         return replace(row, status=RowStatus.INFEASIBLE.value, detail="not offered by the prompt")
-    order = ranking(found.pair, prompt.feasible, _rng(how.seed, f"{row.scenario} {ego} {step}"))
+    if more.narrowed:
+        prompt = narrow(prompt, some(prompt.feasible, found.pair, rng))
+    order = ranking(found.pair, prompt.feasible, _rng(how.seed, where))
     return replace(
         row,
         status=RowStatus.LABELLED.value,
+        feasible=tuple(map(str, prompt.feasible)),
         system=prompt.system,
         user=prompt.user,
         schema=prompt.schema,

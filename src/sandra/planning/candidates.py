@@ -23,7 +23,9 @@ from sandra.planning.sampling import (
     reference,
     simple_plans,
 )
+from sandra.planning.trace import Steps
 from sandra.planning.tracking import Reference
+from sandra.planning.validity import corners
 from sandra.reach.ground import Ground
 from sandra.reach.sets import ReachableSet
 
@@ -111,6 +113,19 @@ class Sampler:
             heading[:, k + 1] = middle + kept[:, k] * behind
         nothing = np.zeros((*heading.shape, 2))
         return np.concatenate([track.points, heading[..., None], nothing], axis=2)
+
+    def steps(self, candidates: Candidates, rows: NDArray[np.int_], bodies: Array) -> Steps:
+        """What formulas speak of, for samples with these `bodies` (len(rows), h+1, 5)."""
+        motion = candidates.motion.rows(rows)
+        inputs = candidates.acceleration[rows]
+        inputs = np.concatenate([inputs, inputs[:, -1:]], axis=1)
+        return Steps(
+            corners(bodies, self.ground.scene.ego),
+            motion.speed,
+            motion.along,
+            np.stack([motion.s, motion.d], axis=-1),
+            np.stack([inputs, inputs], axis=-1),
+        )
 
     def reference(self, candidates: Candidates, index: int, tau: float, per_step: int) -> Reference:
         """One sample every `tau` seconds, to be driven."""

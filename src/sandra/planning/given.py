@@ -210,7 +210,9 @@ def _faults(
     scene = around.ground.scene
     tau, per_step = fine_step(scene.dt)
     steps = steps_of(around.ground, states[0], inputs[0], per_step)
-    outside = np.array([_outside(corridor, k, *p) for k, p in enumerate(steps.position.tolist())])
+    outside = np.array(
+        [_outside(corridor, k, *p) for k, p in enumerate(steps.position[0].tolist())]
+    )
     left = ~within(outside, 0.0, INSIDE)
     if left.any():
         first = int(np.argmax(left))
@@ -233,13 +235,13 @@ def _faults(
     ]
     if off:
         yield f"a part of its body leaves the road from {off[0] * tau:.2f} s on"
-    if not satisfies(around.ground, around.lanes, specification, steps):
+    if not satisfies(around.ground, around.lanes, specification, steps)[0]:
         broken = [
             f"'{part.name}' [{part.text}]" if part.name != part.text else f"'{part.text}'"
             for part in specification.parts
             if not satisfies(
                 around.ground, around.lanes, Specification(specification.pair, (part,)), steps
-            )
+            )[0]
         ]
         yield f"its trace does not satisfy {' and '.join(broken) or 'the formula'}"
 

@@ -8,8 +8,8 @@ side. For a formula without negations one of them is the strictest; for any othe
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
@@ -26,6 +26,7 @@ from sandra.planning.validity import corners
 from sandra.reach.ground import Ground
 
 Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
 
 TOUCH_MARGIN = 0.02
 """Bodies touch a lane by this much, or are this far from it [m]."""
@@ -63,11 +64,12 @@ def _areas(ground: Ground, lanelets: tuple[int, ...]) -> Area:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Steps:
-    """A trajectory at the prediction's steps k = 0..h.
+    """N trajectories at the prediction's steps k = 0..h.
 
-    `bodies` (h+1, 4, 2) corners; `speed` (h+1,) of the body's centre and `along` (h+1,) of its
-    foot point on the reference line [m/s]; `position` (h+1, 2) = (s, d); `inputs` (h+1, 2) the
-    lowest and the highest acceleration of the interval that follows (the last: that came before).
+    `bodies` (N, h+1, 4, 2) corners; `speed` (N, h+1) of the body's centre and `along` (N, h+1) of
+    its foot point on the reference line [m/s]; `position` (N, h+1, 2) = (s, d); `inputs`
+    (N, h+1, 2) the lowest and the highest acceleration of the interval that follows (the last: that
+    came before).
     """
 
     bodies: Array
@@ -88,112 +90,107 @@ def steps_of(ground: Ground, states: Array, inputs: Array, per_step: int) -> Ste
     by_step = inputs[:, 0].reshape(-1, per_step)
     ranges = np.column_stack([by_step.min(axis=1), by_step.max(axis=1)])
     return Steps(
-        corners(at, scene.ego),
-        at[:, SPEED],
-        at[:, SPEED] * np.cos(relative) / stretch,
-        position,
-        np.vstack([ranges, ranges[-1:]]),
+        corners(at, scene.ego)[None],
+        at[None, :, SPEED],
+        (at[:, SPEED] * np.cos(relative) / stretch)[None],
+        position[None],
+        np.vstack([ranges, ranges[-1:]])[None],
     )
 
 
-def satisfies(ground: Ground, lanes: Lanes, spec: Specification, steps: Steps) -> bool:
-    """Whether the formula holds under every reading of the trajectory's letters.
+def satisfies(ground: Ground, lanes: Lanes, spec: Specification, steps: Steps) -> Bools:
+    """(N,) whether the formula holds under every reading of a trajectory's letters.
 
     Raises:
         FormulaError: if an atom names a predicate, lane or lanelet that is not known here.
     """
-    seen = []
+    reading = _Reading(ground, lanes, steps)
+    atoms = sorted(atoms_of(spec.formula), key=str)
+    known: dict[bytes, bool] = {}  # most readings agree, and many trajectories do
+    found = np.ones(len(steps.speed), dtype=np.bool_)
     for sign, speed, which in product((1.0, -1.0), (steps.speed, steps.along), (0, 1)):
-        trace = _letters(ground, lanes, atoms_of(spec.formula), steps, sign, speed, which)
-        if trace not in seen:  # most readings agree
-            seen.append(trace)
-            if not evaluate(spec.formula, trace):
-                return False
-    return True
-
-
-def _letters(
-    ground: Ground,
-    lanes: Lanes,
-    atoms: Iterable[Atom],
-    steps: Steps,
-    sign: float,
-    speed: Array,
-    which: int,
-) -> list[dict[Atom, bool]]:
-    """Letters with every atom made harder to satisfy (sign 1) or easier (-1)."""
-    values = {
-        "a": steps.inputs[:, which],
-        "v": speed,
-        "s": steps.position[:, 0],
-        "d": steps.position[:, 1],
-    }
-    truth: dict[Atom, NDArray[np.bool_]] = {}
-    for atom in atoms:
-        if isinstance(atom, Comparison):
-            shifted = values[atom.variable] + sign * MARGIN / 2
-            bound = atom.bound
-            truth[atom] = shifted <= bound if atom.op == "<=" else shifted < bound
-        else:
-            assert isinstance(atom, Predicate)
-            truth[atom] = _predicate(ground, lanes, atom, steps, sign, speed)
-    return [
-        {atom: bool(values[k]) for atom, values in truth.items()} for k in range(len(steps.speed))
-    ]
-
-
-def _predicate(
-    ground: Ground, lanes: Lanes, atom: Predicate, steps: Steps, sign: float, speed: Array
-) -> NDArray[np.bool_]:
-    match atom.name:
-        case "in_lane" if atom.argument in RELATIONS:
-            return _touches(lanes.areas[atom.argument], steps.bodies, sign)
-        case "in_lanelet" if atom.argument is not None and atom.argument.isdigit():
-            return _touches((_areas(ground, (int(atom.argument),)),), steps.bodies, sign)
-        case "keeps_safe_distance" if atom.argument == "preceding":
-            return _keeps_distance(ground, lanes, replace(steps, speed=speed), sign)
-        case "keeps_lane_speed_limit":
-            return _keeps_limit(ground, steps.position[:, 0], speed + sign * MARGIN / 2)
-    raise FormulaError(f"unknown predicate '{atom}' in a formula that is to be planned for")
-
-
-def _touches(areas: tuple[Area, ...], bodies: Array, sign: float) -> NDArray[np.bool_]:
-    """Whether each body touches one of the areas; for sure if sign = 1, perhaps if -1."""
-    import shapely
-
-    found = np.zeros(len(bodies), dtype=np.bool_)
-    polygons = shapely.polygons(bodies)
-    for shrunk, grown in areas:
-        found |= (shrunk if sign > 0 else grown).intersects(polygons)
+        if not found.any():
+            break
+        letters = np.empty((len(atoms), *speed.shape), dtype=np.bool_)
+        for row, atom in zip(letters, atoms, strict=True):
+            row[:] = reading.truth(atom, sign, speed, which)
+        for i in np.flatnonzero(found).tolist():
+            key = letters[:, i].tobytes()
+            if key not in known:
+                columns = letters[:, i].T.tolist()
+                trace = [dict(zip(atoms, column, strict=True)) for column in columns]
+                known[key] = evaluate(spec.formula, trace)
+            found[i] = known[key]
     return found
 
 
-def _keeps_distance(ground: Ground, lanes: Lanes, steps: Steps, sign: float) -> NDArray[np.bool_]:
-    """R_G1 (paper eq. 5, 6): the nearest vehicle in front in each lane that the body touches."""
-    settings = ground.settings
-    front = steps.position[:, 0] + ground.scene.ego.length / 2 + sign * DISTANCE_MARGIN
-    speed = steps.speed
-    needed = speed**2 / (2 * abs(settings.a_min)) + speed * settings.t_d
-    kept = np.ones(len(front), dtype=np.bool_)
-    touched = {
-        relation: _touches(areas, steps.bodies, -sign)
-        for relation, areas in lanes.areas.items()
-        if areas
-    }
-    for (relation, _), by_step in zip(ground.bands, ground.leaders, strict=True):
-        for k in np.flatnonzero(touched[relation]).tolist():
-            # With the margin against us a vehicle that is level with the front still precedes.
-            nearest = front[k] - (2 * DISTANCE_MARGIN if sign > 0 else 0.0)
-            ahead = next((x for x in by_step[k] if x.rear > nearest), None)
-            if ahead is not None:
-                room = ahead.rear - front[k] + ahead.speed**2 / (2 * abs(settings.a_obs_min))
-                kept[k] &= bool(room > needed[k])
-    return kept
+class _Reading:
+    """Which atoms hold for N trajectories, made harder to satisfy (sign 1) or easier (-1)."""
+
+    def __init__(self, ground: Ground, lanes: Lanes, steps: Steps) -> None:
+        import shapely
+
+        self.ground, self.lanes, self.steps = ground, lanes, steps
+        self.bodies = shapely.polygons(steps.bodies)
+        self.touched: dict[tuple[str, float], Bools] = {}
+
+    def truth(self, atom: Atom, sign: float, speed: Array, which: int) -> Bools:
+        """(N, h+1) of an atom; `speed`, `which`: of the two speeds and inputs of each step."""
+        steps = self.steps
+        if isinstance(atom, Comparison):
+            value = {
+                "a": steps.inputs[..., which],
+                "v": speed,
+                "s": steps.position[..., 0],
+                "d": steps.position[..., 1],
+            }[atom.variable]
+            shifted = value + sign * MARGIN / 2
+            return shifted <= atom.bound if atom.op == "<=" else shifted < atom.bound
+        assert isinstance(atom, Predicate)
+        match atom.name:
+            case "in_lane" if atom.argument in RELATIONS:
+                return self._in_lane(atom.argument, sign)
+            case "in_lanelet" if atom.argument is not None and atom.argument.isdigit():
+                return self._touch((_areas(self.ground, (int(atom.argument),)),), sign)
+            case "keeps_safe_distance" if atom.argument == "preceding":
+                return self._keeps_distance(speed, sign)
+            case "keeps_lane_speed_limit":
+                at = steps.position[..., 0]
+                return _keeps_limit(self.ground, at, speed + sign * MARGIN / 2)
+        raise FormulaError(f"unknown predicate '{atom}' in a formula that is to be planned for")
+
+    def _in_lane(self, relation: str, sign: float) -> Bools:
+        if (relation, sign) not in self.touched:
+            self.touched[relation, sign] = self._touch(self.lanes.areas[relation], sign)
+        return self.touched[relation, sign]
+
+    def _touch(self, areas: tuple[Area, ...], sign: float) -> Bools:
+        """Whether each body touches one of the areas; for sure if sign = 1, perhaps if -1."""
+        found = np.zeros(self.bodies.shape, dtype=np.bool_)
+        for shrunk, grown in areas:
+            found |= (shrunk if sign > 0 else grown).intersects(self.bodies)
+        return found
+
+    def _keeps_distance(self, speed: Array, sign: float) -> Bools:
+        """R_G1 (paper eq. 5, 6): the nearest vehicle in front in each lane that a body touches."""
+        ground, settings = self.ground, self.ground.settings
+        front = self.steps.position[..., 0] + ground.scene.ego.length / 2 + sign * DISTANCE_MARGIN
+        needed = speed**2 / (2 * abs(settings.a_min)) + speed * settings.t_d
+        kept = np.ones(front.shape, dtype=np.bool_)
+        for (relation, _), by_step in zip(ground.bands, ground.leaders, strict=True):
+            for i, k in np.argwhere(self._in_lane(relation, -sign)).tolist():
+                # With the margin against us a vehicle that is level with the front still precedes.
+                nearest = front[i, k] - (2 * DISTANCE_MARGIN if sign > 0 else 0.0)
+                ahead = next((x for x in by_step[k] if x.rear > nearest), None)
+                if ahead is not None:
+                    room = ahead.rear - front[i, k] + ahead.speed**2 / (2 * abs(settings.a_obs_min))
+                    kept[i, k] &= bool(room > needed[i, k])
+        return kept
 
 
-def _keeps_limit(ground: Ground, s: Array, speed: Array) -> NDArray[np.bool_]:
+def _keeps_limit(ground: Ground, s: Array, speed: Array) -> Bools:
     """R_G3: the lowest limit of the own lanes at s; an unknown limit is kept."""
-    kept = np.ones(len(s), dtype=np.bool_)
+    kept = np.ones(s.shape, dtype=np.bool_)
     for low, high, lowest, _ in ground.limits:
         if lowest is not None:
             kept &= (s < low) | (s > high) | (speed <= lowest)

@@ -1,9 +1,9 @@
 """A witness: a trajectory of the single-track model in a pair's driving corridor.
 
 Candidates are sampled inside the corridor, put in the order of their cost, and looked at one after
-another, cheap checks first: positions in the corridor, a coarse collision check of the sample; then
-the sample is driven with the single-track model, and what is checked is the result of that drive.
-The first that holds is the witness; nothing is concluded from those that do not.
+another, cheap checks first: positions in the corridor, the formula and collisions of the sample;
+then the sample is driven with the single-track model, and what is checked is the result of that
+drive. The first that holds is the witness; nothing is concluded from those that do not.
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ from sandra.reach.ground import Ground
 from sandra.reach.sets import ReachableSet
 
 Array = NDArray[np.float64]
+Rows = NDArray[np.int_]
 
 BATCH = 12
 """So many candidates are compared in the plane at first; then twice as many each time."""
@@ -178,37 +179,44 @@ class _Search:
         """
         for stage in range(self.sampler.stages):
             candidates = self.sampler.stage(stage)
-            failed: Counter[int] = Counter()
-            begin, size = 0, BATCH
-            while begin < len(candidates):
-                rows = np.arange(begin, min(begin + size, len(candidates)))
-                begin, size = begin + size, min(2 * size, LARGEST_BATCH)
-                for index in self._clear(candidates, rows):
-                    profile = int(candidates.profile[index])
+            gained = candidates.acceleration[:, : self.until].sum(axis=1) * self.scene.dt
+            failed = np.zeros(len(self.sampler.accelerations), dtype=int)
+            rows, size = np.arange(len(candidates)), BATCH
+            while (rows := self._hopeful(rows, candidates, gained, failed)).size:
+                batch, rows, size = rows[:size], rows[size:], min(2 * size, LARGEST_BATCH)
+                for index in self._clear(candidates, batch):
                     if self.driven >= MOST_DRIVEN:
                         return
-                    gained = self._gained(candidates, index)
-                    if failed[profile] >= MOST_PER_PROFILE or self._too_fast(gained):
-                        self.counts["skipped"] += 1
+                    if not self._hopeful(np.array([index]), candidates, gained, failed).size:
                         continue
                     found = self._drive(candidates, index)
                     if found is not None:
-                        yield found, gained
+                        yield found, float(gained[index])
                     else:
-                        failed[profile] += 1
+                        failed[candidates.profile[index]] += 1
 
-    def _gained(self, candidates: Candidates, index: int) -> float:
-        return float(candidates.acceleration[index, : self.until].sum() * self.scene.dt)
+    def _hopeful(
+        self, rows: Rows, candidates: Candidates, gained: Array, failed: NDArray[np.int_]
+    ) -> Rows:
+        """Those that are not like others that were driven or shown in vain."""
+        faster = gained[rows, None] > np.array(self.refused) - self.step
+        hopeful = failed[candidates.profile[rows]] < MOST_PER_PROFILE
+        hopeful &= faster.sum(axis=1) < MOST_AS_FAST
+        self.counts["skipped"] += int((~hopeful).sum())
+        return rows[hopeful]
 
-    def _too_fast(self, gained: float) -> bool:
-        return sum(gained > x - self.step for x in self.refused) >= MOST_AS_FAST
-
-    def _clear(self, candidates: Candidates, rows: NDArray[np.int_]) -> list[int]:
-        """Those whose samples stay on the road and away from others, in order of full cost."""
+    def _clear(self, candidates: Candidates, rows: Rows) -> list[int]:
+        """Those whose samples satisfy the formula, on the road and away from others, in order of
+        full cost."""
         bodies = self.sampler.bodies(candidates, rows)
-        on_road = self.around.road.may_hold(bodies, self.scene.ego)
-        self.counts["road"] += int((~on_road).sum())
-        rows, bodies = rows[on_road], bodies[on_road]
+        kept = self.around.road.may_hold(bodies, self.scene.ego)
+        self.counts["road"] += int((~kept).sum())
+        rows, bodies = rows[kept], bodies[kept]
+        if rows.size:
+            steps = self.sampler.steps(candidates, rows, bodies)
+            kept = satisfies(self.ground, self.around.lanes, self.specification, steps)
+            self.counts["formula"] += int((~kept).sum())
+            rows, bodies = rows[kept], bodies[kept]
         if rows.size == 0:
             return []
         inputs = np.zeros((len(bodies), bodies.shape[1] - 1, 2))
@@ -244,14 +252,14 @@ class _Search:
         if not within_limits(states, inputs, ego.wheelbase, self.limits)[0]:
             return "driven limits"
         steps = steps_of(self.ground, states[0], inputs[0], self.per_step)
-        s, d = steps.position[None, :, 0], steps.position[None, :, 1]
+        s, d = steps.position[..., 0], steps.position[..., 1]
         if not self.sampler.inside(s, d, INSIDE)[0]:
             return "driven corridor"
         if not around.occupied.free(states, inputs, self.tau, ego)[0]:
             return "driven collision"
         if not around.road.holds(states, inputs, self.tau, ego)[0]:
             return "driven road"
-        if not satisfies(self.ground, around.lanes, self.specification, steps):
+        if not satisfies(self.ground, around.lanes, self.specification, steps)[0]:
             return "driven formula"
         return None
 
@@ -287,6 +295,7 @@ _WORDS = {
     "limits": "need too much lateral acceleration or are too steep",
     "corridor": "leave the corridor",
     "road": "leave the road with a part of the body",
+    "formula": "do not satisfy the formula",
     "collision": "collide with their full body",
     "driven limits": "break a limit when driven with the single-track model",
     "driven corridor": "leave the corridor when driven with the single-track model",

@@ -16,6 +16,8 @@ from sandra.rankers import replay
 from sandra.rankers.adversarial import AdversarialRanker
 from sandra.rankers.chat import DEADLINE, ChatRanker
 from sandra.rankers.dilu.ranker import DiLuRanker, dilu_ranker
+from sandra.rankers.inside.ranker import NAME as EMBEDDED
+from sandra.rankers.inside.ranker import embedded_ranker
 from sandra.rankers.local.score import ScoreRanker
 from sandra.rankers.local.spec import LOCAL, local_ranker
 from sandra.rankers.misbehaving import AlwaysRanker, GarbageRanker, LateRanker
@@ -25,9 +27,10 @@ from sandra.rankers.simple import Answer, ExhaustiveRanker, PlugIn, RandomRanker
 from sandra.rankers.types import Ranker, Ranking
 
 CHOICES = (
-    "openai:MODEL, ollama:MODEL, vllm:MODEL, gguf:FILE, hf:FOLDER[+ADAPTER][#mode=score], "
-    "dilu:MODEL, rules, random[:SEED], exhaustive, replay:FILE[#column=value], adversarial, "
-    "always:PAIR, garbage, late:SECONDS, or module:attribute of your own"
+    "embedded, openai:MODEL, ollama:MODEL, vllm:MODEL, gguf:FILE, "
+    "hf:FOLDER[+ADAPTER][#mode=score], dilu:MODEL, rules, random[:SEED], exhaustive, "
+    "replay:FILE[#column=value], adversarial, always:PAIR, garbage, late:SECONDS, or "
+    "module:attribute of your own"
 )
 _PLAIN: dict[str, Callable[[], Ranker]] = {
     "rules": RulesRanker,
@@ -95,6 +98,8 @@ def create(
         return _always(rest)
     if kind == "late" and rest:
         return LateRanker(_seconds(rest))
+    if spec.strip() == EMBEDDED:
+        return embedded_ranker(deadline)
     if spec.strip() in _PLAIN:
         return _PLAIN[spec.strip()]()
     if _IMPORT.fullmatch(spec.strip()) and kind not in (*_PLAIN, "replay"):

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from sandra.errors import SettingsError
+from sandra.scene.sent import content_of
 
 _MOST = 10**9
 """A server that counts more tokens in one answer is not believed."""
@@ -103,6 +104,8 @@ class Price:
     cached_input: float | None = None
     """Default: that of `input`."""
     currency: str = "USD"
+    training: float | None = None
+    """Of fine-tuning; default: unknown."""
 
     def of(self, usage: Usage) -> float:
         """What the tokens that are known cost."""
@@ -115,14 +118,14 @@ class Price:
 def load_prices(path: str | Path) -> dict[str, Price]:
     """Read a TOML file with a table `["RANKER"]` for each model, such as `["openai:some-model"]`.
 
-    Each holds `input`, `output`, and, if wanted, `cached_input` (per million tokens) and
-    `currency`. No prices come with SanDRA: they change, and depend on contract and tier.
+    Each holds `input`, `output`, and, if wanted, `cached_input`, `training` (per million tokens)
+    and `currency`. No prices come with SanDRA: they change, and depend on contract and tier.
 
     Raises:
         SettingsError: if the file is missing, is not TOML, or holds a bad value.
     """
     try:
-        data = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+        data = tomllib.loads(content_of(Path(path)).decode())
     except OSError as error:
         raise SettingsError(f"{path}: cannot be read ({error.strerror}); check the path") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:

@@ -49,8 +49,8 @@ def bulge(scene: Scene, lattice: Lattice) -> Array:
     shortest = np.minimum(lengths[:-1], lengths[1:])
     bend = np.abs(np.diff(course)) / shortest
     begin, end = np.maximum(first - 1, 0), np.minimum(last + 1, len(bend))
+    # Each begins before it ends; where there are no corners at all, it is the 0 that is appended.
     sharpest = np.maximum.reduceat(np.append(bend, 0.0), np.column_stack([begin, end]).ravel())[::2]
-    sharpest = np.where(begin < end, sharpest, 0.0)
     widest = 1.0 + sharpest * float(np.abs(d).max())
     result: Array = lattice.ds * widest * turn / 4 + 1e-6
     return result
@@ -78,11 +78,10 @@ def off_road(scene: Scene, lattice: Lattice, bulges: Array) -> Mask:
     # What is farther from all centres than the road is shrunk or widened is no matter.
     around = scene.ego.width / 2 + farthest + 1.0
     sides = _points((foot, normal), d[[0, -1]]).reshape(-1, 2)
-    (low_x, low_y), (high_x, high_y) = sides.min(axis=0) - around, sides.max(axis=0) + around
-    x0, y0, x1, y1 = shapely.bounds(several).T
-    near = (x0 <= high_x) & (x1 >= low_x) & (y0 <= high_y) & (y1 >= low_y)
+    box = shapely.box(*(sides.min(axis=0) - around), *(sides.max(axis=0) + around))
+    near = several[np.sort(shapely.STRtree(several).query(box))]
     # Neighbouring lanelets may leave slits between them that are no border.
-    road = shapely.union_all(several[near]).buffer(0.1).buffer(-0.1)
+    road = shapely.union_all(near).buffer(0.1).buffer(-0.1)
 
     def surely_inside(slack: float, columns: slice | Mask) -> Mask:
         # From the cell's centre to the ego's: only sure crossings count.

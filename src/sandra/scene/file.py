@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from sandra.errors import ScenarioError
+from sandra.scene.sent import opened
 from sandra.scene.xml_check import Facts, checked
 
 _PEEK = 65536
@@ -46,7 +47,7 @@ def read(path: Path) -> Content:
     try:
         if path.is_dir():
             raise ScenarioError(f"{path}: is a directory; name a CommonRoad file in it")
-        with path.open("rb") as file:
+        with opened(path) as file:
             head = file.read(_PEEK)
             kind = _kind(path, head)
             if kind == "xml":

@@ -16,13 +16,14 @@ Bars = Mapping[str, Mapping[str, tuple[float, float, float]]]
 _LOOKS = (
     (palette.BLUE, ""),
     (palette.ORANGE, "///"),
-    (palette.GREEN, ""),
+    (palette.GREEN, "|||"),
     (palette.VERMILLION, "\\\\\\"),
-    (palette.faded_hex(palette.INK, 0.55), ""),
+    (palette.faded_hex(palette.INK, 0.55), "---"),
     (palette.faded_hex(palette.BLUE, 0.6), "xxx"),
     (palette.faded_hex(palette.ORANGE, 0.6), ""),
-    (palette.faded_hex(palette.GREEN, 0.6), "///"),
+    (palette.faded_hex(palette.GREEN, 0.6), "|||"),
 )
+"""Any two differ in hatching or in lightness."""
 _AGAIN = ("", "...", "ooo", "+++")
 """Added to the hatching where there are more runs than looks."""
 _HIGH, _BAR, _GAP, _ROW, _LEFT = 2.0, 0.13, 0.35, 0.2, 0.45

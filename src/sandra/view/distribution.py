@@ -13,7 +13,7 @@ from sandra.view.page import MARGIN, Page, checked
 
 LOOKS: dict[str, tuple[str, str]] = {
     "keep": (palette.faded_hex(palette.INK, 0.55), ""),
-    "accelerate": (palette.GREEN, ""),
+    "accelerate": (palette.GREEN, "|||"),
     "decelerate": (palette.ORANGE, "///"),
     "stop": (palette.VERMILLION, "xxx"),
     "follow-lane": (palette.faded_hex(palette.INK, 0.55), ""),

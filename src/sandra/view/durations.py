@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -46,6 +47,7 @@ def durations_figure(
         beyond = [v for v in values if not low <= v <= top]
         ax.plot(beyond, [row] * len(beyond), ".", markersize=2.5, color=palette.FAINT_INK)
     ax.set_xscale("log")
+    _label(ax, max(map(max, told.values())) / min(map(min, told.values())))
     ax.set_ylim(len(told) - 0.5, -0.5)
     ax.set_yticks([])
     ax.tick_params(labelsize=7)
@@ -58,3 +60,12 @@ def durations_figure(
         text = fitted(name, _LABELS - 0.1, 7.5)
         page.text(MARGIN, MARGIN + (row + 0.5) * _ROW, text, size=7.5, va="center")
     return page.save(where, dpi)
+
+
+def _label(ax: Any, span: float) -> None:
+    """Plain numbers, as many as there is room for."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    ax.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5) if span < 100 else (1,)))
+    ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    ax.xaxis.set_minor_formatter(NullFormatter())

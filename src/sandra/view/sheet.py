@@ -60,7 +60,7 @@ def compose(content: Content, view: View, *, three_d: bool = True) -> Page:
     entries = _entries(content, view, window)
     strip = legend.height(map_width, entries, bar=True)
     scenery = max(CAPTION + map_height + TICKS + strip, 3.6 if three_d else 0.0)
-    driven = _driven(content, view, inner)
+    driven = driven_of(content.base, content.maneuver, content.certificate, view, inner)
     driven_height = 0.0 if driven is None else GAP + driven.height
     table_height = table.height(content.rows, inner)
     parts = (header.height(laid), scenery, driven_height, GAP + panels.height, GAP + table_height)
@@ -157,16 +157,21 @@ def _line_entries(maneuver: Maneuver) -> list[tuple[str, str]]:
     ]
 
 
-def _driven(content: Content, view: View, inner: float) -> Driven | None:
+def driven_of(
+    base: Ground,
+    maneuver: Maneuver | None,
+    certificate: Certificate | None,
+    view: View,
+    inner: float,
+) -> Driven | None:
     """The row that shows what is driven; None if there is nothing to show."""
-    maneuver = content.maneuver
     if maneuver is None or not np.isfinite(maneuver.states).all():
         return None
     strips: list[Strip] = []
     for curve in curves_of(maneuver):
         before = strips[0].curve if strips else None
         end = float(curve.times[-1])
-        others, possible = others_at(content.base, view, end), None
+        others, possible = others_at(base, view, end), None
         if curve.kind == "planned":
             assert maneuver.pair is not None
             pair = f"{maneuver.pair.longitudinal.value}, {maneuver.pair.lateral.value}"
@@ -178,7 +183,7 @@ def _driven(content: Content, view: View, inner: float) -> Driven | None:
             gone = np.hypot(*np.diff(path[:, :2], axis=0).T).sum()
             caption = "fail-safe" + (" if no new decision comes" if maneuver.pair else "")
             caption += f": stands at {end:.1f} s, after {gone:.1f} m" if end else ": stands"
-            possible = _possible_at(content, view, end)
+            possible = _possible_at(certificate, view, end)
             if possible is not None:
                 others = None
                 caption += "; hatched: where others may be then"
@@ -186,14 +191,16 @@ def _driven(content: Content, view: View, inner: float) -> Driven | None:
     return Driven.of(view, strips, inner)
 
 
-def _possible_at(content: Content, view: View, time: float) -> shapely.Geometry | None:
+def _possible_at(
+    certificate: Certificate | None, view: View, time: float
+) -> shapely.Geometry | None:
     """Where the others may be at a time, by the certificate; None if there is none."""
     import shapely
 
-    if content.certificate is None:
+    if certificate is None:
         return None
     found = []
-    for each in content.certificate.obstacles:
-        step = min(max(round(time / content.certificate.dt) - 1, 0), len(each.possible) - 1)
+    for each in certificate.obstacles:
+        step = min(max(round(time / certificate.dt) - 1, 0), len(each.possible) - 1)
         found += [view.region(region) for region in each.possible[step]]
     return shapely.union_all(found)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from sandra.evaluation.labelling import Choice, label_all
 from sandra.evaluation.open_loop.evaluate import VERIFIED_FIRST, OpenLoop, open_loop
 from sandra.evaluation.open_loop.report import report_of_file
 from sandra.evaluation.open_loop.setups import Conditions, Setup, ablations, grid
+from sandra.learn.rows import read_rows
 from sandra.scene.tracks import Tracks
 
 CHOICE = Choice(ego="all", horizon=20, stride=40)
@@ -230,3 +232,29 @@ def test_bad_words_are_refused_at_once(folder: Path, capsys: pytest.CaptureFixtu
     ):
         assert main(["evaluate", "open-loop", str(folder), *words]) == 2
         assert text in capsys.readouterr().err
+
+
+def test_the_windows_of_a_data_set_are_taken(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The same vehicles at the same steps, with the labels that the rows hold, in each split."""
+    rows, out = tmp_path / "data.jsonl", tmp_path / "run"
+    words = ["--horizon", "10", "--windows", "2", "--vehicles", "3", "--balance", "2"]
+    assert main(["dataset", "build", str(folder), "--out", str(rows), *words]) == 0
+    kept = [row for row in read_rows(rows) if row.is_labelled]
+    words = ["--rows", str(rows), "--split", "all", "--label-horizon", "10", "--horizon", "10"]
+    words += ["--ranker", "rules", "--out", str(out)]
+    assert main(["evaluate", "open-loop", str(folder), *words]) == 0
+    lines = (out / "rows.jsonl").read_text(encoding="utf-8").splitlines()
+    told = [json.loads(line) for line in lines]
+    places = {(Path(t["file"]).name, t["ego_id"], t["step"]) for t in told}
+    assert places == {(row.scenario, row.ego, row.step) for row in kept}
+    assert Counter(f"{t['label_lon']},{t['label_lat']}" for t in told) == Counter(
+        row.label for row in kept
+    )
+    capsys.readouterr()
+    words[words.index("all")] = "test"
+    absent = not any(row.split == "test" for row in kept)
+    assert main(["evaluate", "open-loop", str(folder), *words]) == (2 if absent else 0)
+    assert main(["evaluate", "open-loop", str(folder), str(folder), *words]) == 2
+    assert "the one folder" in capsys.readouterr().err

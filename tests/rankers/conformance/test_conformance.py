@@ -80,6 +80,7 @@ BACKENDS = {
     "dilu": Backend(
         "dilu:tiny#shots=1", served=True, thinks=True, answers=False, most=1, blind=True
     ),
+    "embedded": Backend("embedded", thinks=True, exact=True),
     "rules": Backend("rules"),
     "exhaustive": Backend("exhaustive", most=12),
     "random": Backend("random:3"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, fields, replace
+from pathlib import Path
 from typing import Any
 
 from sandra.actions import ActionPair
@@ -133,6 +134,11 @@ class Drive:
     def cost(self, usage: Usage | None) -> dict[str, Any] | None:
         """What was asked of a server and its price, for JSON; None where no server was asked."""
         return cost(usage, self.asks, {} if self.prices is None else load_prices(self.prices))
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """What is read while it is driven."""
+        return () if self.prices is None else (Path(self.prices),)
 
     def decider(self) -> Decider:
         """Who decides, without any memory yet."""

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -38,6 +38,10 @@ class Frames(Protocol):
         ...
 
 
+FramesOf = Callable[[IO[str]], Frames]
+"""Begins to write into an open file; a function or class of a module, so that it can be sent."""
+
+
 @dataclass(frozen=True, slots=True)
 class RunFolder:
     """A folder that holds, or will hold, the episodes of one `Drive`.
@@ -46,7 +50,7 @@ class RunFolder:
     """
 
     path: Path
-    frames: Callable[[IO[str]], Frames] | None = None
+    frames: FramesOf | None = None
 
     def open(self, how: Drive, command_line: Sequence[str] = ()) -> None:
         """Begin the run, or go on with it.
@@ -95,9 +99,7 @@ class RunFolder:
         known = self.metrics(seed)
         if known is not None:
             return known
-        draft = self.path / f".seed-{seed}.draft"
-        shutil.rmtree(draft, ignore_errors=True)
-        (draft / "certificates").mkdir(parents=True)
+        draft = self._draft(seed)
         with ExitStack() as files:
             log = files.enter_context((draft / "decisions.jsonl").open("w", encoding="utf-8"))
             frames = None
@@ -120,6 +122,27 @@ class RunFolder:
 
             episode, found = play(how, seed, note)
         return self._finish(draft, how, seed, episode, found)
+
+    def packed(self, seed: int) -> dict[str, bytes]:
+        """The files of a complete episode, by their paths below its folder."""
+        home = self.episode(seed)
+        files = (file for file in home.rglob("*") if file.is_file())
+        return {file.relative_to(home).as_posix(): file.read_bytes() for file in files}
+
+    def keep(self, seed: int, files: Mapping[str, bytes]) -> dict[str, Any]:
+        """Write an episode that was driven elsewhere, and `packed` there; its metrics."""
+        draft = self._draft(seed)
+        for name, content in files.items():
+            (draft / name).parent.mkdir(parents=True, exist_ok=True)
+            (draft / name).write_bytes(content)
+        draft.rename(self.episode(seed))
+        return self._read(self.episode(seed) / "metrics.json")
+
+    def _draft(self, seed: int) -> Path:
+        draft = self.path / f".seed-{seed}.draft"
+        shutil.rmtree(draft, ignore_errors=True)
+        (draft / "certificates").mkdir(parents=True)
+        return draft
 
     def _finish(
         self, draft: Path, how: Drive, seed: int, episode: Episode, found: Outcome

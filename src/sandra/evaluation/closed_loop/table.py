@@ -8,9 +8,10 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 from sandra.evaluation.closed_loop.batch import one
 from sandra.evaluation.closed_loop.blame import STANDS
@@ -23,7 +24,7 @@ from sandra.evaluation.closed_loop.entry import (
     paper_dict,
     printed_cells,
 )
-from sandra.evaluation.closed_loop.folder import Frames, RunFolder
+from sandra.evaluation.closed_loop.folder import FramesOf, RunFolder
 from sandra.evaluation.closed_loop.metrics import (
     OURS,
     PAPER,
@@ -35,8 +36,10 @@ from sandra.evaluation.closed_loop.metrics import (
 from sandra.evaluation.closed_loop.paper import TABLE
 from sandra.evaluation.closed_loop.rows import Row
 from sandra.evaluation.sheet import Sheet
-from sandra.evaluation.workers import Broken, in_order
+from sandra.evaluation.workers import Broken, Workers, as_done
 from sandra.rankers import Usage, total
+
+Run = tuple[RunFolder, Row, int, Drive]
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,22 +142,23 @@ def tabulate(
     seeds: Sequence[int],
     *,
     convention: Convention = OURS,
-    workers: int = 1,
+    workers: Workers = 1,
     command_line: Sequence[str] = (),
-    frames: Callable[[IO[str]], Frames] | None = None,
+    frames: FramesOf | None = None,
     progress: Callable[[int, int, str], None] = lambda done, total, name: None,
 ) -> Table:
     """Drive what is not in the folder yet, and summarise.
 
     Args:
         out: the folder of the run folders. seeds: of the traffic. settings: of the paper.
-        workers: processes. progress: called with numbers of episodes after each one.
+        workers: see `sandra.evaluation.workers`.
+        progress: called with numbers of episodes after each one.
         frames: as of `RunFolder`.
 
     Raises:
         SandraError: for what is unknown, or a folder that holds another run.
     """
-    runs: list[tuple[RunFolder, Row, int, Drive]] = []
+    runs: list[Run] = []
     for row in rows:
         for setting in settings:
             for how in row.in_setting(setting):
@@ -165,18 +169,25 @@ def tabulate(
     cases = [(run, seed) for run in runs for seed in seeds]
     todo = [case for case in cases if case[0][0].metrics(case[1]) is None]
     done, errors = len(cases) - len(todo), dict[tuple[Path, int], str]()
-    jobs = [(run[0], run[3], seed) for run, seed in todo]
-    for (run, seed), answer in zip(todo, in_order(one, jobs, workers), strict=True):
-        done += 1
-        if isinstance(answer, Broken):
-            errors[run[0].path, seed] = answer.error
-        progress(done, len(cases), f"{run[1].name}, setting {run[2]}, seed {seed}")
+    with closing(as_done(_one, todo, workers, lambda case: case[0][3].files)) as answers:
+        for (run, seed), answer in answers:
+            done += 1
+            if isinstance(answer, Broken):
+                errors[run[0].path, seed] = answer.error
+            else:
+                run[0].keep(seed, answer)
+            progress(done, len(cases), f"{run[1].name}, setting {run[2]}, seed {seed}")
     entries = []
     for row in rows:
         for setting in settings:
             mine = [(run[0], seed) for run, seed in cases if (run[1], run[2]) == (row, setting)]
             entries.append(_entry(row, setting, mine, errors, convention))
     return Table(profile, convention, tuple(entries))
+
+
+def _one(case: tuple[Run, int]) -> dict[str, bytes]:
+    (folder, _, _, how), seed = case
+    return one((folder.frames, how, seed))
 
 
 def _folder(row: Row, how: Drive) -> str:

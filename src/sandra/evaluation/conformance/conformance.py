@@ -6,6 +6,7 @@ import hashlib
 import math
 import os
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from functools import partial, reduce
 from pathlib import Path
@@ -16,10 +17,17 @@ from sandra.errors import ScenarioError, SettingsError
 from sandra.evaluation.conformance.coverage import Coverage, coverage
 from sandra.evaluation.conformance.measure import Finding, amounts, findings
 from sandra.evaluation.conformance.motion import position_error
-from sandra.evaluation.conformance.recording import CRASHED, Recording, marked_crashes, recording
+from sandra.evaluation.conformance.recording import (
+    CRASHED,
+    Recording,
+    files_of,
+    marked_crashes,
+    recording,
+)
 from sandra.evaluation.conformance.report import Conformance, Source
-from sandra.evaluation.workers import Broken, in_order
+from sandra.evaluation.workers import Broken, Workers, in_order
 from sandra.scene import load
+from sandra.scene.sent import content_of
 from sandra.scene.types import Scene
 from sandra.settings import Settings
 
@@ -60,7 +68,7 @@ def conformance(
     every: int = 10,
     noise: float = 0.02,
     step: float = 0.0,
-    workers: int = 1,
+    workers: Workers = 1,
     progress: Callable[[str], None] = lambda words: None,
 ) -> Conformance:
     """Measure recordings against `settings.assumptions`.
@@ -78,7 +86,7 @@ def conformance(
         noise: recorded positions may be off by so much in a step [m].
         step: look at every so many seconds of a recording, e.g. at the steps that are verified, as
             near as it allows; 0: at all its steps.
-        workers: processes; 0 for one on each core.
+        workers: see `sandra.evaluation.workers`.
 
     Raises:
         SettingsError: an unknown `towards`, a bad number.
@@ -107,17 +115,17 @@ def conformance(
     every_finding: list[list[Finding]] = []
     covered: list[Coverage] = []
     failed = []
-    answers = in_order(partial(_judged, options), items, workers)
-    for number, (item, answer) in enumerate(zip(items, answers, strict=True), start=1):
-        if isinstance(answer, Broken):
-            failed.append((item.name, answer.error))
-            continue
-        source, found, cover = answer
-        progress(f"{number} of {len(items)} recordings")
-        sources.append(source)
-        every_finding.append(found)
-        if cover is not None:
-            covered.append(cover)
+    with closing(in_order(partial(_judged, options), items, workers, _files_of)) as answers:
+        for number, (item, answer) in enumerate(zip(items, answers, strict=True), start=1):
+            if isinstance(answer, Broken):
+                failed.append((item.name, answer.error))
+                continue
+            source, found, cover = answer
+            progress(f"{number} of {len(items)} recordings")
+            sources.append(source)
+            every_finding.append(found)
+            if cover is not None:
+                covered.append(cover)
     if not failed and not any(source.vehicles for source in sources):
         raise ScenarioError(
             "no recorded vehicle moves in any of the files; give recordings, whose dynamic "
@@ -160,6 +168,10 @@ def _names(recordings: Sequence[str | Path | Scene]) -> list[str]:
     ]
 
 
+def _files_of(item: _Item) -> tuple[Path, ...]:
+    return () if isinstance(item.given, Scene) else files_of(Path(item.given))
+
+
 def _judged(options: _Options, item: _Item) -> tuple[Source, list[Finding], Coverage | None]:
     given, crashed = item.given, item.crashed
     if isinstance(given, Scene):
@@ -167,7 +179,7 @@ def _judged(options: _Options, item: _Item) -> tuple[Source, list[Finding], Cove
     else:
         path = Path(given)
         scene = load(path, settings=options.settings)
-        digest = hashlib.sha256(path.read_bytes()).hexdigest()
+        digest = hashlib.sha256(content_of(path)).hexdigest()
         # A run folder marks whoever the simulation had, seen here or not.
         ids = {scene.ego.id, *(o.id for o in scene.obstacles)}
         marked = marked_crashes(path)

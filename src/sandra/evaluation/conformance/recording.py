@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from sandra.errors import ScenarioError
 from sandra.prediction.observed import LANE_KINDS
+from sandra.scene.sent import content_of, is_there
 from sandra.scene.types import Obstacle, Scene, placed
 
 Array = NDArray[np.float64]
@@ -156,6 +157,11 @@ def recording(
     return Recording(**values)
 
 
+def files_of(path: Path) -> tuple[Path, ...]:
+    """A recording, and all that may say of it who has crashed."""
+    return path, path.with_suffix(CRASHED), path.parent / METRICS
+
+
 def marked_crashes(path: Path) -> dict[int, int]:
     """Who is marked as crashed beside a recording; nobody where there is no mark.
 
@@ -165,11 +171,11 @@ def marked_crashes(path: Path) -> dict[int, int]:
         ScenarioError: marks that are none.
     """
     beside, metrics = path.with_suffix(CRASHED), path.parent / METRICS
-    file = beside if beside.exists() else metrics
-    if not file.exists():
+    file = beside if is_there(beside) else metrics
+    if not is_there(file):
         return {}
     try:
-        data = json.loads(file.read_text(encoding="utf-8"))
+        data = json.loads(content_of(file).decode())
         marks = data if file == beside else data.get("crashed", {})
         found = {int(id): step for id, step in marks.items()}
     except (OSError, ValueError, AttributeError):

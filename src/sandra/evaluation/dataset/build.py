@@ -4,7 +4,7 @@
     FILE.card.json    counts by status, label and split; what was left out by balancing; versions
     FILE.card.md      the same for people
 
-Rows are collected in FILE.jsonl.draft, scenario by scenario; an interrupted build goes on there.
+Rows are collected in FILE.jsonl.draft, a `Journal`; an interrupted build goes on there.
 """
 
 from __future__ import annotations
@@ -14,17 +14,18 @@ import json
 import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import closing
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from statistics import median_low
-from typing import Any, TextIO
 
 import numpy as np
 
 from sandra.errors import SandraError, ScenarioError
-from sandra.evaluation.conformance.recording import marked_crashes
+from sandra.evaluation.conformance.recording import files_of, marked_crashes
 from sandra.evaluation.dataset.card import Card, write_card
-from sandra.evaluation.workers import Broken, in_order
+from sandra.evaluation.journal import Journal
+from sandra.evaluation.workers import Broken, Workers, as_done
 from sandra.learn.episodes import SPLITS
 from sandra.learn.rows import Row, RowStatus
 from sandra.learn.windows import Windows, rows_of, split_of_file
@@ -49,7 +50,7 @@ def build(
     out: Path,
     how: Windows,
     balance: int | None = None,
-    workers: int = 1,
+    workers: Workers = 1,
     command_line: Sequence[str] = (),
     progress: Progress = lambda done, total, name: None,
 ) -> Built:
@@ -58,26 +59,27 @@ def build(
     Args:
         balance: at most so many labelled rows for each label in each split, chosen by the seed;
             `AUTO`: the median of the labels' numbers; None: all. Other rows are all kept.
+        workers: see `sandra.evaluation.workers`.
 
     Raises:
-        SandraError: no scenario in the folder, or a file that cannot be written.
+        SandraError: no scenario in the folder, a file that cannot be written, or a draft that was
+            begun otherwise.
     """
     names = scenarios(folder)
-    draft = Draft(out.with_name(out.name + ".draft"))
     about = {"folder": str(folder.resolve()), **how.to_dict()}
+    draft = Journal(out.with_name(out.name + ".draft"), about)
+    jobs: list[Job] = [(folder / name, name, how) for name in names if name not in draft]
+    done = len(names) - len(jobs)
+    with closing(as_done(_one, jobs, workers, lambda job: files_of(job[0]))) as answers:
+        for (_, name, _), rows in answers:
+            if isinstance(rows, Broken):
+                rows = [_broken(name, rows.error)]
+            draft.add(name, [asdict(row) for row in rows])
+            done += 1
+            progress(done, len(names), name)
     try:
-        with draft.opened(about) as file:
-            missing = [name for name in names if name not in draft.done]
-            jobs: list[Job] = [(folder / name, name, how) for name in missing]
-            done = len(names) - len(missing)
-            for name, rows in zip(missing, in_order(_one, jobs, workers), strict=True):
-                if isinstance(rows, Broken):
-                    rows = [_broken(name, rows.error)]
-                draft.add(file, name, rows)
-                done += 1
-                progress(done, len(names), name)
-        card, labelled = _finish(draft.path, out, set(names), how, balance, command_line, folder)
-        draft.path.unlink()
+        card, labelled = _finish(draft, out, names, how, balance, command_line, folder)
+        draft.remove()
     except OSError as error:
         raise SandraError(
             f"{out}: cannot be written ({error.strerror}); choose another --out"
@@ -96,43 +98,6 @@ def scenarios(folder: Path) -> list[str]:
     return found
 
 
-class Draft:
-    """Rows so far: a line that says of what, then rows; after those of a scenario, its name."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self.done: set[str] = set()
-
-    def opened(self, about: Mapping[str, Any]) -> TextIO:
-        """The file to go on with: an old one if it is of the same, cut after what is whole."""
-        first = json.dumps({"about": about}) + "\n"
-        if not self._is_of(first):
-            self.path.write_text(first, encoding="utf-8")
-            return self.path.open("a", encoding="utf-8")
-        whole = place = 0
-        with self.path.open("rb") as file:
-            for line in file:
-                place += len(line)
-                if line.startswith(b'{"done"') and line.endswith(b"\n"):
-                    self.done.add(json.loads(line)["done"])
-                    whole = place
-        whole = whole or len(first.encode())
-        with self.path.open("r+b") as file:
-            file.truncate(whole)
-        return self.path.open("a", encoding="utf-8")
-
-    def _is_of(self, first: str) -> bool:
-        if not self.path.exists():
-            return False
-        with self.path.open("rb") as file:
-            return file.readline() == first.encode()
-
-    def add(self, file: TextIO, name: str, rows: Sequence[Row]) -> None:
-        """The rows of a scenario, whole or not at all."""
-        file.write("".join(row.line() for row in rows) + json.dumps({"done": name}) + "\n")
-        file.flush()
-
-
 def _one(job: Job) -> list[Row]:
     """The rows of one scenario, in a process of its own."""
     path, name, how = job
@@ -147,19 +112,15 @@ def _broken(name: str, error: str) -> Row:
     return Row(RowStatus.ERROR.value, split_of_file(name), name, None, None, detail=error)
 
 
-def _rows(draft: Path, names: set[str]) -> Iterator[Row]:
-    """In the order of the draft; of scenarios that are still there."""
-    with draft.open(encoding="utf-8") as file:
-        for line in file:
-            data = json.loads(line)
-            if "status" in data and data["scenario"] in names:
-                yield Row.of(data)
+def _rows(draft: Journal, names: Sequence[str]) -> Iterator[Row]:
+    """In the order of the names, whoever was ready first."""
+    return (Row.of(data) for name in names for data in draft[name])
 
 
 def _finish(
-    draft: Path,
+    draft: Journal,
     out: Path,
-    names: set[str],
+    names: Sequence[str],
     how: Windows,
     balance: int | None,
     command_line: Sequence[str],
@@ -201,6 +162,8 @@ def _finish(
             "windows per vehicle": how.per_vehicle,
             "vehicles per scenario": how.vehicles or "all",
             "seed": how.seed,
+            "chance of a wish, a past, rules, a choice": how.variety,
+            "chance of no accelerations, no road": how.bare,
             "rows per label and split at most": "all" if balance is None else (balance or "median"),
             "labelled rows": len(chosen),
             "left out by balancing": sum(found.values()) - len(chosen),

@@ -14,18 +14,21 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import closing
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from sandra.errors import SandraError, ScenarioError
 from sandra.evaluation.dataset.card import Card, write_card
-from sandra.evaluation.workers import Broken, in_order
+from sandra.evaluation.workers import Broken, Workers, as_done
 from sandra.learn.episodes import DT, SPLITS, Episode, Recipe
 from sandra.learn.record import play, save
 
 Progress = Callable[[int, int, str], None]
-Job = tuple[Path, Recipe, int]
+Job = tuple[Recipe, Episode]
+Files = dict[str, bytes]
 INDEX = "episodes.jsonl"
 
 
@@ -39,7 +42,7 @@ class DataFolder:
         self,
         recipe: Recipe,
         episodes: int,
-        workers: int = 1,
+        workers: Workers = 1,
         command_line: Sequence[str] = (),
         progress: Progress = lambda done, total, name: None,
     ) -> Card:
@@ -57,17 +60,34 @@ class DataFolder:
         known = {row["seed"]: row for row in self.rows() if "error" not in row}
         wanted = recipe.episodes(episodes)
         missing = [episode for episode in wanted if episode.seed not in known]
-        jobs: list[Job] = [(self.path, recipe, episode.seed) for episode in missing]
+        jobs: list[Job] = [(recipe, episode) for episode in missing]
         done = len(wanted) - len(missing)
-        with (self.path / INDEX).open("a", encoding="utf-8") as index:
-            for episode, row in zip(missing, in_order(_one, jobs, workers), strict=True):
-                if isinstance(row, Broken):
-                    row = {**_of(episode), "error": row.error}
+        with (
+            closing(as_done(_one, jobs, workers)) as answers,
+            (self.path / INDEX).open("a", encoding="utf-8") as index,
+        ):
+            for (_, episode), answer in answers:
+                if isinstance(answer, Broken):
+                    row = {**_of(episode), "error": answer.error}
+                else:
+                    row, files = answer
+                    self._keep(episode, files)
                 index.write(json.dumps(row) + "\n")
                 index.flush()
                 done += 1
                 progress(done, len(wanted), episode.name)
         return self.write_card(recipe, command_line)
+
+    def _keep(self, episode: Episode, files: Files) -> None:
+        """Write what an episode left, the recording last."""
+        if not files:
+            return
+        folder = self.path / episode.split
+        (folder / f"{episode.name}.crashed.json").unlink(missing_ok=True)
+        for name in sorted(files):  # .crashed.json before .xml
+            draft = folder / f".{name}.draft"
+            draft.write_bytes(files[name])
+            draft.rename(folder / name)
 
     def rows(self) -> list[dict[str, Any]]:
         """What is entered, by seed; of several entries of a seed the last one."""
@@ -124,29 +144,26 @@ class DataFolder:
                 index.write(b"\n")
 
 
-def _one(job: Job) -> dict[str, Any]:
-    """Record one episode; its line of episodes.jsonl."""
-    path, recipe, seed = job
-    episode = recipe.episode(seed)
+def _one(job: Job) -> tuple[dict[str, Any], Files]:
+    """Record one episode: its line of episodes.jsonl, and its files by name."""
+    recipe, episode = job
     try:
         recording = play(episode, recipe.steps, round(recipe.warm_up / DT))
     except ScenarioError as error:
-        return {**_of(episode), "error": str(error)}
-    file = path / episode.split / f"{episode.name}.xml"
-    draft = file.with_name(f".{episode.name}.draft.xml")
-    counts = save(episode, recording, draft)
-    marks, final = draft.with_suffix(".crashed.json"), file.with_suffix(".crashed.json")
-    final.unlink(missing_ok=True)
-    if marks.exists():
-        marks.rename(final)
-    draft.rename(file)
-    return {
+        return {**_of(episode), "error": str(error)}, {}
+    with TemporaryDirectory() as place:
+        file = Path(place) / f"{episode.name}.xml"
+        counts = save(episode, recording, file)
+        files = {path.name: path.read_bytes() for path in Path(place).iterdir()}
+    content = files[file.name]
+    row = {
         **_of(episode),
         "file": f"{episode.split}/{file.name}",
         **asdict(counts),
-        "bytes": file.stat().st_size,
-        "sha256": hashlib.sha256(file.read_bytes()).hexdigest(),
+        "bytes": len(content),
+        "sha256": hashlib.sha256(content).hexdigest(),
     }
+    return row, files
 
 
 def _of(episode: Episode) -> dict[str, Any]:

@@ -16,7 +16,7 @@ from typing import Any
 from sandra.errors import SandraError, ScenarioError, SettingsError
 from sandra.evaluation.journal import Journal
 from sandra.evaluation.labelling.summary import UNKNOWN, Labels
-from sandra.evaluation.workers import Broken, in_order
+from sandra.evaluation.workers import Broken, Workers, as_done
 from sandra.learn import LABELERS, Label, label
 from sandra.learn.trace import Recorded
 from sandra.scene import Scene, load
@@ -24,6 +24,8 @@ from sandra.scene.tracks import Track, Tracks
 from sandra.settings import Settings
 
 EGOS = ("auto", "given", "chosen", "all")
+Places = tuple[tuple[int, int], ...]
+"""Egos, by id, and steps."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,6 +93,14 @@ def windows_of(path: Path, choice: Choice) -> Iterator[Window]:
     for track in _chosen(tracks, choice):
         for step in track.windows(horizon, choice.stride)[:most]:
             yield _window(tracks, track.id, track.kind, step)
+
+
+def windows_at(path: Path, places: Places, choice: Choice) -> Iterator[Window]:
+    """The windows of these vehicles at these steps. Raises `ScenarioError`: see `windows_of`."""
+    tracks = Tracks(path, choice.settings)
+    kinds = {track.id: track.kind for track in tracks.all()}
+    for ego, step in places:
+        yield _window(tracks, ego, kinds.get(ego, "car"), step)
 
 
 def _of_given(given: Scene, tracks: Tracks, choice: Choice) -> Iterator[Window]:
@@ -209,31 +219,32 @@ def label_all(
     choice: Choice = Choice(),
     *,
     journal: Path | None = None,
-    workers: int = 1,
+    workers: Workers = 1,
     progress: Callable[[int, int, str], None] = lambda done, total, name: None,
 ) -> Labels:
     """Label files; those that are in the journal already are not labelled again.
 
     Args:
         journal: of a run that can go on; see `Journal`. A file that has changed is labelled anew.
-        workers: processes. progress: is told (files done, all files, name of the last one).
+        workers: see `sandra.evaluation.workers`.
+        progress: is told (files done, all files, name of the last one).
 
     Raises:
         SandraError: if the journal cannot be written or holds another run.
     """
     book = Journal(journal, {**asdict(choice), "settings": repr(choice.settings)})
-    keys = [fingerprint(path) for path in paths]
-    todo = [(path, key) for path, key in zip(paths, keys, strict=True) if key not in book.values]
-    done = len(paths) - len(todo)
+    keys = {path: fingerprint(path) for path in paths}
+    todo = [path for path, key in keys.items() if key not in book]
+    done = len(keys) - len(todo)
     work = partial(rows_of, choice=choice)
-    with closing(in_order(work, [path for path, _ in todo], workers)) as answers:
-        for (path, key), found in zip(todo, answers, strict=True):
+    with closing(as_done(work, todo, workers, lambda path: (path,))) as answers:
+        for path, found in answers:
             if isinstance(found, Broken):
                 found = [_error(path, choice, f"internal error: {found.error}")]
-            book.add(key, found)
+            book.add(keys[path], found)
             done += 1
-            progress(done, len(paths), path.stem)
-    return Labels(tuple(row for key in dict.fromkeys(keys) for row in book.values[key]))
+            progress(done, len(keys), path.stem)
+    return Labels(tuple(row for key in keys.values() for row in book[key]))
 
 
 def fingerprint(path: Path) -> str:

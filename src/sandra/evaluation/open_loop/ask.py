@@ -13,7 +13,14 @@ from sandra.actions import ALL_PAIRS, ActionPair, Lateral, Longitudinal
 from sandra.certify import Basis, certify
 from sandra.describe import describe
 from sandra.errors import SandraError
-from sandra.evaluation.labelling.batch import Choice, Window, told, windows_of
+from sandra.evaluation.labelling.batch import (
+    Choice,
+    Places,
+    Window,
+    told,
+    windows_at,
+    windows_of,
+)
 from sandra.evaluation.labelling.summary import UNKNOWN
 from sandra.evaluation.open_loop.setups import TOLD_RULES, Conditions, Setup
 from sandra.learn import label
@@ -39,7 +46,11 @@ class Judged:
 
 
 def rows_of(
-    path: Path, setups: Sequence[Setup], choice: Choice, conditions: Conditions
+    path: Path,
+    setups: Sequence[Setup],
+    choice: Choice,
+    conditions: Conditions,
+    places: Places | None = None,
 ) -> dict[str, list[dict[str, Any]]]:
     """By setup, the rows of one file; never none. What cannot be used is a row with its error."""
     found: dict[str, list[dict[str, Any]]] = {setup.name: [] for setup in setups}
@@ -49,7 +60,10 @@ def rows_of(
             found[setup.name].append(_empty(path, setup, choice, error) | row)
 
     try:
-        for window in windows_of(path, choice):
+        found_windows = (
+            windows_of(path, choice) if places is None else windows_at(path, places, choice)
+        )
+        for window in found_windows:
             row = {"ego_id": window.ego, "kind": window.kind, "step": window.step}
             try:
                 for name, answer in _of_window(path, window, setups, choice, conditions).items():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import hashlib
 import io
 import json
 import re
@@ -16,7 +17,7 @@ from typing import Any
 
 from sandra.actions import ALL_PAIRS, ActionPair
 from sandra.evaluation.journal import Journal
-from sandra.evaluation.labelling.batch import Choice, fingerprint
+from sandra.evaluation.labelling.batch import Choice, Places, fingerprint
 from sandra.evaluation.labelling.summary import UNKNOWN
 from sandra.evaluation.open_loop.ask import broken, rows_of
 from sandra.evaluation.open_loop.baselines import answers, safe_of
@@ -25,7 +26,7 @@ from sandra.evaluation.open_loop.report import Report, report
 from sandra.evaluation.open_loop.scores import KS, Case
 from sandra.evaluation.open_loop.setups import Conditions, Setup, ablations
 from sandra.evaluation.sheet import Sheet
-from sandra.evaluation.workers import Broken, in_order
+from sandra.evaluation.workers import Broken, Workers, as_done
 
 Row = dict[str, Any]
 VERIFIED_FIRST = "verified pairs first, in the order of Tab. II"
@@ -125,32 +126,37 @@ def open_loop(
     choice: Choice,
     conditions: Conditions = Conditions(),  # noqa: B008  (frozen)
     *,
+    only: Mapping[Path, Places] | None = None,
     journal: Path | None = None,
-    workers: int = 1,
+    workers: Workers = 1,
     progress: Callable[[int, int, str], None] = lambda done, total, name: None,
 ) -> OpenLoop:
     """Evaluate setups on recordings.
 
     Args:
         choice: whose decisions, and how they are labelled.
+        only: by file, the egos and steps that are taken, instead of `choice`'s.
         journal: of a run that can go on, with more setups too; see `Journal`.
-        workers: processes. progress: is told (files done, all files, name of the last one).
+        workers: see `sandra.evaluation.workers`.
+        progress: is told (files done, all files, name of the last one).
 
     Raises:
         SandraError: if the journal cannot be written or holds another run, or a ranker is unknown.
     """
     about = {**asdict(choice), "settings": repr(choice.settings), "asked": conditions.to_dict()}
     book = Journal(journal, about)
-    keys = {path: fingerprint(path) for path in paths}
+    keys = {path: fingerprint(path) + _told(only, path) for path in paths}
     missing = {
-        path: tuple(s for s in setups if f"{s.name} | {key}" not in book.values)
+        path: tuple(s for s in setups if f"{s.name} | {key}" not in book)
         for path, key in keys.items()
     }
-    jobs = [(path, todo) for path, todo in missing.items() if todo]
+    jobs = [
+        (path, todo, None if only is None else only[path]) for path, todo in missing.items() if todo
+    ]
     done = len(keys) - len(jobs)
     work = partial(_one, choice=choice, conditions=conditions)
-    with closing(in_order(work, jobs, workers)) as found:
-        for (path, todo), rows in zip(jobs, found, strict=True):
+    with closing(as_done(work, jobs, workers, lambda job: job[:1])) as found:
+        for (path, todo, _), rows in found:
             if isinstance(rows, Broken):
                 rows = broken(path, todo, choice, f"internal error: {rows.error}")
             for setup in todo:
@@ -158,18 +164,23 @@ def open_loop(
             done += 1
             progress(done, len(keys), path.stem)
     every = {
-        setup.name: tuple(
-            row for key in keys.values() for row in book.values[f"{setup.name} | {key}"]
-        )
+        setup.name: tuple(row for key in keys.values() for row in book[f"{setup.name} | {key}"])
         for setup in setups
     }
     return OpenLoop(tuple(setups), every, scored(setups, every))
 
 
 def _one(
-    job: tuple[Path, tuple[Setup, ...]], choice: Choice, conditions: Conditions
+    job: tuple[Path, tuple[Setup, ...], Places | None], choice: Choice, conditions: Conditions
 ) -> dict[str, list[Row]]:
-    return rows_of(*job, choice, conditions)
+    path, setups, places = job
+    return rows_of(path, setups, choice, conditions, places)
+
+
+def _told(only: Mapping[Path, Places] | None, path: Path) -> str:
+    if only is None:
+        return ""
+    return f" {hashlib.sha256(repr(only[path]).encode()).hexdigest()[:16]}"
 
 
 def case_of(row: Row) -> Case:

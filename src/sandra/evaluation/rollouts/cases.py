@@ -7,8 +7,10 @@ ego and of the others changed at random.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +22,7 @@ from sandra.errors import ScenarioError
 from sandra.prediction import predict
 from sandra.reach import ground, verify_pair
 from sandra.scene import load
+from sandra.scene.sent import content_of
 from sandra.scene.types import Obstacle, Scene, State
 from sandra.settings import Settings
 
@@ -70,8 +73,8 @@ def varied(
 ) -> tuple[str, Scene, np.random.Generator]:
     """The `index`-th scene with its label, and the random numbers that follow."""
     rng = np.random.default_rng([seed, index])
-    path = files[index % len(files)]
-    scene = _loaded(path, settings)
+    path = file_of(files, index)
+    scene = _loaded(path, _stamp(path), settings)
     label = path.stem
     if index >= len(files):
         later = int(rng.integers(0, LATEST + 1))
@@ -81,8 +84,21 @@ def varied(
     return label, scene, rng
 
 
+def file_of(files: Sequence[Path], index: int) -> Path:
+    """Of which file the `index`-th scene is made."""
+    return files[index % len(files)]
+
+
+def _stamp(path: Path) -> bytes:
+    try:
+        return sha256(content_of(path)).digest()
+    except OSError:
+        return b""  # `load` says what is wrong with it.
+
+
 @lru_cache(maxsize=32)
-def _loaded(path: Path, settings: Settings) -> Scene:
+def _loaded(path: Path, stamp: bytes, settings: Settings) -> Scene:
+    """Kept as long as the file is the same: a worker of a cluster lives longer than a run."""
     return load(path, settings=settings)
 
 

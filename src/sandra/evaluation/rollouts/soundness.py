@@ -13,11 +13,11 @@ from itertools import count
 from pathlib import Path
 
 from sandra.errors import SettingsError
-from sandra.evaluation.rollouts.cases import cases
+from sandra.evaluation.rollouts.cases import cases, file_of
 from sandra.evaluation.rollouts.report import Report, Tried
 from sandra.evaluation.rollouts.road import Road
 from sandra.evaluation.rollouts.rollout import play
-from sandra.evaluation.workers import Broken, in_order
+from sandra.evaluation.workers import Broken, Workers, in_order
 from sandra.scenarios import examples
 from sandra.settings import Settings
 
@@ -30,7 +30,7 @@ def soundness(
     files: Sequence[str | Path] = (),
     rollouts: int = 10_000,
     seed: int = 0,
-    workers: int = 1,
+    workers: Workers = 1,
     per_certificate: int = PER_CERTIFICATE,
     settings: Settings | None = None,
     progress: Callable[[str], None] | None = None,
@@ -41,7 +41,7 @@ def soundness(
         files: CommonRoad files; default: all scenarios that come with SanDRA.
         rollouts: at least so many; the last certificate is played to its end.
         seed: of scenes and adversaries.
-        workers: processes, 0 for all cores; the result does not depend on it.
+        workers: see `sandra.evaluation.workers`; the result does not depend on it.
         per_certificate: rollouts of each certificate.
         settings: of predictions, planner and checker.
         progress: told in words how far it is.
@@ -59,7 +59,11 @@ def soundness(
     tried: list[Tried] = []
     broken: list[str] = []
     scenes = done = in_vain = 0
-    with closing(in_order(work, count(), workers)) as answers:
+
+    def files_of(index: int) -> tuple[Path]:
+        return (file_of(paths, index),)
+
+    with closing(in_order(work, count(), workers, files_of)) as answers:
         for index, found in enumerate(answers):
             if isinstance(found, Broken):
                 broken.append(f"scene {index} ({paths[index % len(paths)].stem}): {found.error}")

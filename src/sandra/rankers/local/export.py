@@ -1,4 +1,4 @@
-"""A Hugging Face folder of a Qwen3 model, written as one GGUF file for llama.cpp.
+"""A Hugging Face folder of a Qwen3 model, written as one GGUF file for llama.cpp; adapters merged.
 
 Only this architecture, unquantised: enough for what is trained here. For other models llama.cpp
 has a converter of its own.
@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from sandra.errors import RankerError
+from sandra.rankers.local.folder import Folder
 from sandra.rankers.local.packages import package
 
 ARCHITECTURE = "qwen3"
@@ -21,8 +22,8 @@ _NORMAL, _CONTROL, _USER = 1, 3, 4
 def to_gguf(folder: str | Path, path: str | Path) -> Path:
     """Write the model in `folder` to the file `path`, in 32-bit floats; returns `path`.
 
-    The tokenizer must be a byte-level BPE that splits texts as Qwen's does. The chat template goes
-    along.
+    The tokenizer must be a byte-level BPE that splits texts as Qwen's does, or as SuperBPE's, which
+    `sandra finetune scratch` makes. The chat template goes along.
 
     Raises:
         RankerError: no such folder, another architecture, or a package that is not installed.
@@ -48,6 +49,24 @@ def to_gguf(folder: str | Path, path: str | Path) -> Path:
     writer.write_tensors_to_file()
     writer.close()
     return path
+
+
+def merge(model: str | Path, adapter: str | Path, folder: str | Path) -> Path:
+    """Write a model with an adapter added to its weights, as a folder of its own; returns it.
+
+    Raises:
+        RankerError: a missing package, or a folder that cannot be loaded or written.
+    """
+    folder = Path(folder)
+    both = Folder(Path(model).expanduser(), Path(adapter).expanduser(), "cpu")
+    try:
+        both.model.save_pretrained(folder)
+        both.tokenizer.save_pretrained(folder)
+    except OSError as error:
+        raise RankerError(
+            f"{folder}: cannot be written ({error.strerror}); choose another place"
+        ) from None
+    return folder
 
 
 def _add_shape(writer: Any, config: dict[str, Any]) -> None:
@@ -81,7 +100,7 @@ def _add_tokens(
         kinds.append(_CONTROL if special else _USER if number in added else _NORMAL)
     merges = tokenizer["model"]["merges"]
     writer.add_tokenizer_model("gpt2")
-    writer.add_tokenizer_pre("qwen2")
+    writer.add_tokenizer_pre("superbpe" if _spans_spaces(tokenizer) else "qwen2")
     writer.add_token_list(texts)
     writer.add_token_types(kinds)
     writer.add_token_merges([m if isinstance(m, str) else " ".join(m) for m in merges])
@@ -96,6 +115,15 @@ def _add_tokens(
     template = folder / "chat_template.jinja"
     if template.is_file():
         writer.add_chat_template(template.read_text(encoding="utf-8"))
+
+
+def _spans_spaces(tokenizer: dict[str, Any]) -> bool:
+    """Whether numbers are all that texts are split at: that is how llama.cpp splits "superbpe"."""
+    steps = (tokenizer.get("pre_tokenizer") or {}).get("pretokenizers", ())
+    return [step.get("pattern") for step in steps if step["type"] == "Split"] == [
+        {"Regex": r"\p{N}+"},
+        {"Regex": r"(?=(\d{3})+(?!\d))"},
+    ]
 
 
 def _add_tensors(writer: Any, gguf: Any, config: dict[str, Any], folder: Path) -> None:

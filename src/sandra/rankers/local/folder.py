@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import threading
 import warnings
 from collections.abc import Sequence
@@ -9,9 +10,14 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from sandra.errors import RankerError
 from sandra.rankers.bounded import Deadline
+from sandra.rankers.endpoint import Question
 from sandra.rankers.local.packages import package
+from sandra.rankers.local.question import messages_of
 from sandra.rankers.local.turns import Turns
 
 BATCH, BATCH_OF_GPU = 128, 1024
@@ -79,9 +85,29 @@ class Folder:
         tokens: list[int] = self.tokenizer(text, add_special_tokens=False)["input_ids"]
         return tokens
 
+    def tokens_of_question(self, question: Question) -> list[int]:
+        """Those of a conversation, up to where the answer begins."""
+        return self.tokens_of(self.text_of(messages_of(question)))
+
     def read(self, tokens: Sequence[int], deadline: Deadline) -> Memory | None:
         """The memory after these tokens; None if the deadline passed first. Needs the turn."""
         return self._memory if self._memory.read(tokens, deadline) else None
+
+    def next_logits(self, memory: Memory) -> NDArray[np.float64]:
+        """(vocabulary,) of the token that follows what was read."""
+        logits: NDArray[np.float64] = memory.logits.cpu().numpy().astype(np.float64)
+        return logits
+
+    def branches(self, memory: Memory, rows: Sequence[Sequence[int]]) -> NDArray[np.float64]:
+        """(rows, longest, vocabulary): logits after each token of each continuation."""
+        cache = copy.deepcopy(memory.cache)
+        cache.batch_repeat_interleave(len(rows))
+        with self.torch.inference_mode():
+            out = self.model(
+                input_ids=self.torch.tensor(rows, device=self.device), cache=cache, use_cache=True
+            )
+        logits: NDArray[np.float64] = out.logits.float().cpu().numpy().astype(np.float64)
+        return logits
 
 
 class Memory:

@@ -1,4 +1,4 @@
-"""The packages of the extra `[local]`, imported where they are used."""
+"""The packages of the extras `[local]` and `[finetune]`, imported where they are used."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import importlib
 from typing import Any
 
 from sandra.errors import RankerError
+
+_TO_TUNE = ("trl", "datasets", "accelerate")
 
 
 def package(name: str) -> Any:
@@ -17,7 +19,9 @@ def package(name: str) -> Any:
     try:
         return importlib.import_module(name)
     except ImportError as error:
+        top = name.partition(".")[0]
+        extra = "local,finetune" if top in _TO_TUNE else "local"
         raise RankerError(
-            f"models in this process need the package '{name.partition('.')[0]}' ({error}); "
-            f"install it: pip install 'sandra[local]'"
+            f"models in this process need the package '{top}' ({error}); "
+            f"install it: pip install 'sandra[{extra}]'"
         ) from None

@@ -17,10 +17,10 @@ better than others whatever they are told. Hence two corrections (`calibrate`):
 
 from __future__ import annotations
 
-import copy
 import json
 from collections.abc import Sequence, Set
 from dataclasses import replace
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,10 +28,10 @@ from numpy.typing import NDArray
 from sandra.actions import ActionPair
 from sandra.describe.outside import one_line
 from sandra.describe.types import Prompt
+from sandra.rankers.answer import parse_answer
 from sandra.rankers.bounded import Deadline, Running
 from sandra.rankers.endpoint import Question
-from sandra.rankers.local.folder import Folder, Memory
-from sandra.rankers.local.question import messages_of
+from sandra.rankers.local.turns import Turns
 from sandra.rankers.types import Failure, Ranking
 
 CALIBRATIONS = ("neutral", "length", "none")
@@ -47,6 +47,33 @@ Logits = dict[Way, NDArray[np.float64]]
 """After each of these beginnings."""
 
 
+class Reader(Protocol):
+    """A model as scoring needs it: `sandra.rankers.local.folder`, `sandra.rankers.inside`."""
+
+    turns: Turns
+
+    def tokens_of(self, text: str) -> list[int]:
+        """The tokens of a text; nothing is put before or after it."""
+        ...
+
+    def tokens_of_question(self, question: Question) -> list[int]:
+        """Those of a conversation, up to where the answer begins."""
+        ...
+
+    def read(self, tokens: Sequence[int], deadline: Deadline) -> Any:
+        """What is known after these tokens; None if the deadline passed first. Needs the turn."""
+        ...
+
+    def next_logits(self, memory: Any) -> NDArray[np.float64]:
+        """(vocabulary,) of the token that follows what was read."""
+        ...
+
+    def branches(self, memory: Any, rows: Sequence[Sequence[int]]) -> NDArray[np.float64]:
+        """(rows, longest, vocabulary): logits after each token of each continuation. What was read
+        stays as it was; what lies beyond the end of a shorter row means nothing."""
+        ...
+
+
 class ScoreRanker:
     """Ranks by likelihood. Deterministic; usable from several threads.
 
@@ -54,11 +81,16 @@ class ScoreRanker:
         name: for results.
         deadline: for one ranking [s].
         calibrate: one of `CALIBRATIONS`.
+        answers: whether the best pairs are also written down as the answer that the schema asks
+            for, and read from there.
     """
 
-    def __init__(self, name: str, folder: Folder, deadline: float, calibrate: str) -> None:
+    def __init__(
+        self, name: str, model: Reader, deadline: float, calibrate: str, *, answers: bool = False
+    ) -> None:
         self.name, self.deadline, self.calibrate = name, deadline, calibrate
-        self._folder = folder
+        self.answers = answers
+        self._model = model
         self._of_neutral: dict[tuple[ActionPair, ...], NDArray[np.float64]] = {}
 
     def rank(self, prompt: Prompt, deadline: float | None = None) -> Ranking:
@@ -69,9 +101,13 @@ class ScoreRanker:
         """Score all feasible pairs already; see `Scoring`."""
         return Scoring(self, prompt, self.deadline if deadline is None else deadline)
 
+    def count_tokens(self, text: str) -> int:
+        """The tokens of a text, by the model's own tokenizer."""
+        return len(self._model.tokens_of(text))
+
     def scores(self, prompt: Prompt, deadline: Deadline) -> Scores | None:
         """Of every feasible pair; None if the deadline passed first."""
-        with self._folder.turns.turn(deadline) as mine:
+        with self._model.turns.turn(deadline) as mine:
             if not mine:
                 return None
             question = Question(prompt.system, (("user", prompt.user),), None)
@@ -92,37 +128,27 @@ class ScoreRanker:
         self, question: Question, pairs: Sequence[ActionPair], deadline: Deadline
     ) -> NDArray[np.float64] | None:
         """(n,) of the pairs as they would be written after the question; None: too late."""
-        before = self._folder.tokens_of(self._folder.text_of(messages_of(question)))
-        written = [self._folder.tokens_of(OPENING + _text(pair)) for pair in pairs]
+        before = self._model.tokens_of_question(question)
+        written = [self._model.tokens_of(OPENING + _text(pair)) for pair in pairs]
         # Tokens may reach over the end of the opening: what all have in common is read at once.
         shared = min(_same(written[0], other) for other in written)
-        memory = self._folder.read([*before, *written[0][:shared]], deadline)
-        if memory is None or self._folder.turns.over(deadline):
+        memory = self._model.read([*before, *written[0][:shared]], deadline)
+        if memory is None or self._model.turns.over(deadline):
             return None
         ways = [tuple(tokens[shared:]) for tokens in written]
         if self.calibrate == "none":
             return _sums(ways, self._after(memory, {w[:i] for w in ways for i in range(len(w))}))
         return _among_alternatives(ways, self._after(memory, set(_forks(ways))))
 
-    def _after(self, memory: Memory, places: Set[Way]) -> Logits:
+    def _after(self, memory: Any, places: Set[Way]) -> Logits:
         """The logits after each of these beginnings, from one forward pass for all of them."""
-        torch = self._folder.torch
-        found: Logits = {(): memory.logits.cpu().numpy().astype(np.float64)}
+        found: Logits = {(): self._model.next_logits(memory)}
         longer = {place[:end] for place in places for end in range(len(place))}
         ways = sorted(places - longer - {()})
         if not ways:
             return found
         longest = max(len(way) for way in ways)
-        rows = [[*way, *[0] * (longest - len(way))] for way in ways]
-        cache = copy.deepcopy(memory.cache)
-        cache.batch_repeat_interleave(len(rows))
-        with torch.inference_mode():
-            out = self._folder.model(
-                input_ids=torch.tensor(rows, device=self._folder.device),
-                cache=cache,
-                use_cache=True,
-            )
-        logits = out.logits.float().cpu().numpy().astype(np.float64)
+        logits = self._model.branches(memory, [[*way, *[0] * (longest - len(way))] for way in ways])
         for way, row in zip(ways, logits, strict=True):
             for end in range(1, len(way) + 1):
                 found.setdefault(way[:end], row[end - 1])
@@ -133,7 +159,7 @@ class Scoring:
     """The pairs are scored while it is found out which hold; then the best of these (`Ahead`)."""
 
     def __init__(self, ranker: ScoreRanker, prompt: Prompt, seconds: float) -> None:
-        self._name, self._seconds = ranker.name, seconds
+        self._name, self._seconds, self._answers = ranker.name, seconds, ranker.answers
         self._deadline = Deadline(seconds)
         self._running: Running[Scores | bool] = Running(
             lambda: ranker.scores(prompt, self._deadline) or False, ranker.name
@@ -161,7 +187,13 @@ class Scoring:
             return replace(ranking, failure=Failure.TIMEOUT, detail=detail)
         scores = {pair: outcome.value[pair] for pair in prompt.feasible}
         best = sorted(scores, key=lambda pair: -scores[pair])[: prompt.k]
-        return replace(ranking, pairs=tuple(best), reasoning=_told(scores, best))
+        shares = _told(scores, best)
+        if self._answers:
+            written = OPENING + ", ".join(map(_text, best)) + "]}"
+            told = f"Likelihood of each pair as the answer: {shares}."
+            return replace(parse_answer(written, prompt, self._name), reasoning=told)
+        told = f"Likelihood of each pair as an answer, nothing is written: {shares}."
+        return replace(ranking, pairs=tuple(best), reasoning=told)
 
     def stop(self) -> None:
         """See `Ahead`."""
@@ -235,5 +267,4 @@ def _told(scores: Scores, best: Sequence[ActionPair]) -> str:
     values = np.array(list(scores.values()))
     shares = np.exp(values - _log_sum(values))
     of = dict(zip(scores, shares, strict=True))
-    words = ", ".join(f"{pair} {of[pair]:.0%}" for pair in best)
-    return f"Likelihood of each pair as an answer, nothing is written: {words}."
+    return ", ".join(f"{pair} {of[pair]:.0%}" for pair in best)

@@ -53,7 +53,7 @@ def local_ranker(
         endpoint = llama(path, **options).asking(given)
         return ChatRanker(path, deadline=deadline, endpoint=endpoint, name=name)
     mode, calibrate = options.pop("mode", "generate"), options.pop("calibrate", None)
-    where, adapter = _folders(path)
+    where, adapter = folders(path)
     model = folder(where, adapter, **options)
     if mode == "score":
         # An adapter was trained for this task: it is taken at its word.
@@ -62,8 +62,8 @@ def local_ranker(
     return ChatRanker(path, deadline=deadline, endpoint=Generating(model, **given), name=name)
 
 
-def _folders(text: str) -> tuple[Path, Path | None]:
-    """`MODEL`, or `MODEL+ADAPTER` where no folder has the whole name."""
+def folders(text: str) -> tuple[Path, Path | None]:
+    """The folders in `MODEL`, or in `MODEL+ADAPTER` where no folder has the whole name."""
     whole = Path(text).expanduser()
     model, plus, adapter = text.rpartition("+")
     if not plus or whole.is_dir():

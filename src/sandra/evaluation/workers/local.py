@@ -1,8 +1,4 @@
-"""The same work on many items in several processes, with the answers in the order of the items.
-
-What goes wrong with one item is that item's answer and nobody else's: an exception that is no
-`SandraError` (those are for the user, and raised here), or the death of the process that had it.
-"""
+"""Processes of this machine, each with one item at a time."""
 
 from __future__ import annotations
 
@@ -10,32 +6,22 @@ import logging
 import multiprocessing
 import os
 import signal
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from typing import Any, Generic, TypeVar
 
 from sandra.errors import SandraError, SettingsError
+from sandra.evaluation.workers.items import Broken, Died, attempt
 
 T = TypeVar("T")
-R = TypeVar("R")
 
 logger = logging.getLogger(__name__)
 
 ALL_CORES = 0
 """As a number of workers: one for each core."""
-AHEAD = 4
-"""So many items per worker are begun before the first of them is answered."""
 _READY = "ready"
-
-
-@dataclass(frozen=True, slots=True)
-class Broken:
-    """Instead of an answer: what went wrong, in one line."""
-
-    error: str
 
 
 def processes(workers: int) -> int:
@@ -49,56 +35,6 @@ def processes(workers: int) -> int:
     if workers != ALL_CORES:
         return workers
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def in_order(
-    work: Callable[[T], R], items: Iterable[T], workers: int = 1
-) -> Generator[R | Broken, None, None]:
-    """`work(item)` for each item, in the order of the items, which may be without end.
-
-    Args:
-        work: a function of a module, whose arguments and results can be pickled.
-        workers: 1 works in this process, `ALL_CORES` in as many as there are cores. The answers
-            are the same.
-
-    Raises:
-        SandraError: raised by `work`, or if no process can be started.
-    """
-    count = processes(workers)
-    if count == 1:
-        for item in items:
-            yield _opened(_attempt(work, item))
-        return
-    team = _Team(work, count)
-    try:
-        for answer in team.answers(items):
-            yield _opened(answer)
-    finally:
-        team.stop()
-
-
-@dataclass(frozen=True, slots=True)
-class _Refused:
-    """The user's input was at fault."""
-
-    error: SandraError
-
-
-def _attempt(work: Callable[[T], R], item: T) -> R | Broken | _Refused:
-    try:
-        return work(item)
-    except SandraError as error:
-        return _Refused(error)
-    except Exception as error:
-        logger.exception("%r broke", item)
-        words = " ".join(str(error).split())[:300]
-        return Broken(f"{type(error).__name__}: {words}" if words else type(error).__name__)
-
-
-def _opened(answer: R | Broken | _Refused) -> R | Broken:
-    if isinstance(answer, _Refused):
-        raise answer.error
-    return answer
 
 
 class _Worker(Generic[T]):
@@ -121,17 +57,18 @@ class _Worker(Generic[T]):
         self.number = number
 
     def answer(self) -> Any:
-        """The next message; `Broken` if the process has died with the item in its hands."""
+        """The next message; `Died` if the process has died with the item in its hands."""
         try:
             message = self.connection.recv()
         except (EOFError, OSError):
             self.process.join()
-            if not self.ready:
+            killed = (self.process.exitcode or 0) < 0
+            if not self.ready and not killed:
                 raise SandraError(
                     "a worker process ended before it began; in a script of your own, call this "
                     "from under \"if __name__ == '__main__':\", or use one worker"
                 ) from None
-            return Broken(f"the process died ({_ending(self.process.exitcode)})")
+            return Died(_ending(self.process.exitcode))
         return message
 
     def dismiss(self) -> None:
@@ -148,37 +85,21 @@ class _Worker(Generic[T]):
             self.process.join()
 
 
-class _Team(Generic[T]):
-    """At most `count` workers, each with one item at a time."""
+class LocalTeam(Generic[T]):
+    """At most `count` workers; started when there is something for them to do."""
 
     def __init__(self, work: Callable[[T], Any], count: int) -> None:
         self._work, self._count = work, count
         self._idle: list[_Worker[T]] = []
         self._busy: list[_Worker[T]] = []
 
-    def answers(self, items: Iterable[T]) -> Iterator[Any]:
-        """The answers to items, in their order."""
-        rest = iter(enumerate(items))
-        known: dict[int, Any] = {}
-        given = told = 0
-        more = True
-        while True:
-            while more and len(self._busy) < self._count and given - told < AHEAD * self._count:
-                for number, item in rest:
-                    self._give(number, item)
-                    given = number + 1
-                    break
-                else:
-                    more = False
-            if told in known:
-                yield known.pop(told)
-                told += 1
-            elif self._busy:
-                self._collect(known)
-            else:
-                return
+    def size(self) -> int:
+        return self._count
 
-    def _give(self, number: int, item: T) -> None:
+    def free(self) -> bool:
+        return len(self._busy) < self._count
+
+    def give(self, number: int, item: T) -> None:
         while self._idle:
             worker = self._idle.pop()
             try:
@@ -193,8 +114,9 @@ class _Team(Generic[T]):
         self._busy.append(worker)
         worker.give(number, item)
 
-    def _collect(self, known: dict[int, Any]) -> None:
+    def collect(self) -> list[tuple[int, Any]]:
         """Wait until somebody has something to say."""
+        found = []
         speaking = wait([worker.connection for worker in self._busy])
         for worker in [w for w in self._busy if w.connection in speaking]:
             answer = worker.answer()
@@ -203,10 +125,11 @@ class _Team(Generic[T]):
                 continue
             number, worker.number = worker.number, None
             assert number is not None, "only who has an item is busy"
-            known[number] = answer
+            found.append((number, answer))
             self._busy.remove(worker)
             if worker.process.exitcode is None:
                 self._idle.append(worker)
+        return found
 
     def stop(self) -> None:
         """End all processes."""
@@ -225,7 +148,7 @@ def _serve(connection: Connection, work: Callable[[T], Any]) -> None:
             item = connection.recv()
         except (EOFError, OSError):
             return
-        answer = _attempt(work, item)
+        answer = attempt(work, item)
         try:
             connection.send(answer)
         except OSError:
