@@ -33,6 +33,8 @@ from sandra.learn.tuning.measure import measure, spread
 from sandra.rankers import create
 
 SHIFTS = {
+    "roundabout": "--environments roundabout --densities 3 --lanes 2 --drivers defensive "
+    "--duration 8",
     "sparse": "--environments highway --densities 0.2 --lanes 5,6 --drivers idm --duration 6",
     "dense": "--environments highway --densities 3 --lanes 5,6 --drivers aggressive --duration 8",
 }
@@ -157,11 +159,11 @@ def main(words: list[str] | None = None) -> None:
     )
     parser.add_argument("--model", required=True, metavar="hf:FOLDER")
     parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--shift", choices=tuple(SHIFTS), default="sparse")
+    parser.add_argument("--shift", choices=tuple(SHIFTS), default="roundabout")
     parser.add_argument("--seeds", type=int, default=3, help="trainings")
-    parser.add_argument("--episodes", type=int, default=24, help="to tune on, and as many to test")
-    parser.add_argument("--lora", default="--loss label --rate 2e-3 --epochs 1 --batch 8")
-    parser.add_argument("--tuning-rows", type=int, default=240, help="at most, evenly")
+    parser.add_argument("--episodes", type=int, default=40, help="to tune on, and as many to test")
+    parser.add_argument("--lora", default="--loss label --rate 2e-3 --epochs 2 --batch 8")
+    parser.add_argument("--tuning-rows", type=int, default=400, help="at most, evenly")
     parser.add_argument("--test-rows", type=int, default=250, help="at most, evenly; 0: all")
     chosen = parser.parse_args(words)
     out = chosen.out
