@@ -43,6 +43,7 @@ check: .venv/.installed  ## format, lint, types, import contract, links of the d
 
 docs: .venv/.installed  ## the documentation site, into site/; a link that leads nowhere is an error
 	$(BIN)/python -m sphinx -q -W --keep-going $(ARGS) -c docs . site
+	@rm -rf jupyter_execute  # the executed notebooks, beside the site
 	@echo "site/index.html"
 
 docs-serve: docs  ## build the site and serve it at http://127.0.0.1:8001

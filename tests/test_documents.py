@@ -45,6 +45,7 @@ def test_most_commands_are_run() -> None:
         ("```bash\nmake coffee\n```", "run by nobody"),
         ("```bash\nmake coffee  # not run: \n```", "run by nobody"),
         ("```bash\nmake coffee  # minutes\n```", "run by nobody"),
+        ("```bash\nsandra view\n```", "run by nobody"),
         ("```\nsandra decide merge\n```", "a fence is one of"),
         ("```text\nsandra decide merge\n```", "is a command"),
         ("```bash\n# not run: no beans\nmake coffee\n```", None),

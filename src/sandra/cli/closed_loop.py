@@ -100,6 +100,12 @@ def add(actions: Any) -> None:
     )
     add_format(parser)
     parser.add_argument(
+        "--view",
+        action="store_true",
+        help="write view.jsonl into the episodes that are driven now, so that their pages of "
+        "'sandra report' show the reachable sets",
+    )
+    parser.add_argument(
         "--figures",
         action="store_true",
         help="draw the action distribution, and robustness of the rules for each row, as .pdf",
@@ -114,6 +120,7 @@ def _closed_loop(arguments: argparse.Namespace) -> int:
     from sandra.evaluation.closed_loop.table import tabulate
     from sandra.rankers.usage import cost, told
     from sandra.simulation.highway import SEEDS
+    from sandra.view.report import FrameLog
 
     prices = prices_of(arguments)
     rows = rows_of(arguments)
@@ -131,6 +138,7 @@ def _closed_loop(arguments: argparse.Namespace) -> int:
         convention=PAPER if arguments.convention == "paper" else OURS,
         workers=workers_of(arguments),
         command_line=["sandra", *sys.argv[1:]],
+        frames=FrameLog if arguments.view else None,
         progress=lambda done, total, name: progress(f"{done} of {total} episodes: {name}"),
     )
     progress("")

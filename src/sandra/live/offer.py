@@ -14,7 +14,7 @@ from sandra.rankers import Ranker, create
 from sandra.scenarios import examples
 from sandra.settings import Settings
 
-KEYLESS = ("rules", "exhaustive", "random:0", "adversarial", "garbage")
+KEYLESS = ("embedded", "rules", "exhaustive", "random:0", "adversarial", "garbage")
 """Rankers that ask nobody."""
 PREDICTIONS = ("most-likely", "set-based", "recorded", "constant-velocity")
 LONGEST_HORIZON = 100

@@ -19,6 +19,7 @@ Line = tuple[str, str]
 
 _DOT = "   ·   "
 _RANKERS = {
+    "embedded": "small language model that comes along",
     "rules": "rule-based, no LLM",
     "random": "random order, no LLM",
     "exhaustive": "every pair, no LLM",

@@ -24,7 +24,7 @@ from sandra.evaluation.closed_loop.entry import (
     paper_dict,
     printed_cells,
 )
-from sandra.evaluation.closed_loop.folder import RunFolder
+from sandra.evaluation.closed_loop.folder import FramesOf, RunFolder
 from sandra.evaluation.closed_loop.metrics import (
     OURS,
     PAPER,
@@ -144,6 +144,7 @@ def tabulate(
     convention: Convention = OURS,
     workers: Workers = 1,
     command_line: Sequence[str] = (),
+    frames: FramesOf | None = None,
     progress: Callable[[int, int, str], None] = lambda done, total, name: None,
 ) -> Table:
     """Drive what is not in the folder yet, and summarise.
@@ -152,6 +153,7 @@ def tabulate(
         out: the folder of the run folders. seeds: of the traffic. settings: of the paper.
         workers: see `sandra.evaluation.workers`.
         progress: called with numbers of episodes after each one.
+        frames: as of `RunFolder`.
 
     Raises:
         SandraError: for what is unknown, or a folder that holds another run.
@@ -160,7 +162,7 @@ def tabulate(
     for row in rows:
         for setting in settings:
             for how in row.in_setting(setting):
-                folder = RunFolder(out / _folder(row, how))
+                folder = RunFolder(out / _folder(row, how), frames)
                 folder.open(how, command_line)
                 runs.append((folder, row, setting, how))
     profile = runs[0][3].profile if runs else "stock"

@@ -29,7 +29,7 @@ from sandra.view.shapes import Array, View
 WITHOUT = (
     "This run was driven without a record of its reachable sets (view.jsonl), so the page shows "
     "verdicts and reasons, but no sets and no predictions. 'sandra drive' writes them unless it is "
-    "given --no-view."
+    "given --no-view, 'sandra evaluate closed-loop' if it is given --view."
 )
 
 

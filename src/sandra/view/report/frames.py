@@ -86,6 +86,11 @@ class Frames:
     texts: list[str] = field(default_factory=list)
 
 
+def _is_place(value: Any) -> bool:
+    numbers = isinstance(value, list) and all(isinstance(x, int | float) for x in value)
+    return numbers and len(value) == 3
+
+
 def read_frames(path: Path) -> Frames:
     """All whole lines of a file; a last one that is still being written is left out.
 
@@ -103,7 +108,9 @@ def read_frames(path: Path) -> Frames:
     found = Frames()
     for line in told[1:]:
         if isinstance(line, dict):
-            found.view = line.get("view", found.view)
+            place = line.get("view")
+            if _is_place(place):
+                found.view = place
             found.maps += [line["map"]] if isinstance(line.get("map"), dict) else []
             found.texts += [line["text"]] if isinstance(line.get("text"), str) else []
             found.decisions += [line["decision"]] if isinstance(line.get("decision"), dict) else []

@@ -47,6 +47,15 @@ function tell() {
   }
 }
 
+// For what is long to read: it waits until the time rests, so that the map moves smoothly.
+function atRest(act, node, wait = 90) {
+  let timer = null;
+  return () => {
+    clearTimeout(timer);
+    timer = setTimeout(() => node.isConnected && act(), wait);
+  };
+}
+
 function forget() {
   listeners.length = 0;
 }

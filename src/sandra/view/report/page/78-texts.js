@@ -10,7 +10,7 @@ function textCards(model) {
       el("div", { class: "stack" }, answerCard(data.answer), settingsCard(data)),
     );
   };
-  onChange(["index"], build);
+  onChange(["index"], atRest(build, holder), holder);
   build();
   return holder;
 }

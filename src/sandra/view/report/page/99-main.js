@@ -49,7 +49,7 @@ function drivePage(model, main) {
     replaceIn(plan, planCharts(model));
     replaceIn(durations, durationCard(model.decisions[state.index].data));
   };
-  onChange(["index"], buildPlan);
+  onChange(["index"], atRest(buildPlan, plan), plan);
   buildPlan();
   const caption = el("p", { class: "caption", "aria-live": "off" });
   const tell = () => {
