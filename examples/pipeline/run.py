@@ -50,7 +50,7 @@ SIZES = {
     "small": Size(
         traffic="--environments highway,merge --densities 1 --lanes 3 --episodes 40 --duration 8",
         horizon=10,
-        windows="--windows 2 --vehicles 12 --balance",
+        windows="--windows 2 --vehicles 12 --balance 40",
         model="--width 128 --layers 3 --inner 256 --vocabulary 1024 --epochs 4",
         adapter="--rank 8 --epochs 2",
         steps=15,
@@ -79,8 +79,8 @@ def stages(out: Path, size: Size) -> dict[str, str]:
         "lora": f"finetune lora {rows} --model {model} --out {out}/adapter {size.adapter}",
         "export": f"finetune export {tuned} --out {file}",
         "evaluate": f"evaluate open-loop {data} --rows {rows} --horizon {size.horizon} "
-        f"--label-horizon {size.horizon} --ranker {model}#mode=score "
-        f"--ranker {tuned}#mode=score --out {out}/open-loop",
+        f"--label-horizon {size.horizon} --ranker '{model}#mode=score&calibrate=length' "
+        f"--ranker '{tuned}#mode=score&calibrate=length' --out {out}/open-loop",
         "drive": f"drive highway --seeds 5838 --steps {size.steps} --ranker gguf:{file} "
         f"--rules R_G1,R_G2,R_G3 --out {out}/drive",
     }
