@@ -157,7 +157,7 @@ def small(words: Sequence[str], server: str) -> list[str]:
     if name == "evaluate closed-loop":
         # Runs that differ belong into different folders.
         folder = "-".join(word for word in ("paper", "--base-url") if word in words)
-        told += ["--seeds", "5838", "--out", f"runs/closed{folder}"]
+        told += ["--seeds", "5838", "--out", f"runs/rows{folder}"]
     if name == "evaluate soundness":
         told = [word for word in told if not word.endswith(".xml")] + ["merge"]
     if any(word.startswith("dilu:") for word in words):

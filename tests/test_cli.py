@@ -402,7 +402,8 @@ def test_a_first_decision_is_quick() -> None:
         f"assert not {heavy} & set(sys.modules)"
     )
     assert run_python(code) == 0
-    assert cpu_seconds("-m", "sandra.cli", "decide", "intersection") < 1.5
+    # 1.2 s on a quiet machine; tests that run beside this one share the caches of its cores.
+    assert cpu_seconds("-m", "sandra.cli", "decide", "intersection") < 1.9
 
 
 def run_python(code: str) -> int:

@@ -28,12 +28,15 @@ def test_it_is_ahead_of_the_rules_and_the_majority_on_balanced_labels(tmp_path: 
     how = Windows(per_vehicle=2, settings=settings)
     build(tmp_path / "data", tmp_path / "data.jsonl", how, balance=6)
     labels, asked = [], []
+    tracks: dict[str, Tracks] = {}
     for row in read_rows(tmp_path / "data.jsonl"):
         if row.is_labelled:
             assert row.label is not None
             assert row.ego is not None
             assert row.step is not None
-            scene = Tracks(tmp_path / "data" / row.scenario, settings).scene(row.ego, row.step)
+            if row.scenario not in tracks:
+                tracks[row.scenario] = Tracks(tmp_path / "data" / row.scenario, settings)
+            scene = tracks[row.scenario].scene(row.ego, row.step)
             labels.append(ActionPair.parse(row.label))
             asked.append(describe(scene, settings=settings))
     assert len(labels) > 40
