@@ -24,6 +24,7 @@ from typing import Any
 
 from sandra.errors import SandraError, SettingsError
 from sandra.learn.rows import Row
+from sandra.learn.tuning.checkpoints import last_checkpoint
 from sandra.learn.tuning.curve import Curve
 from sandra.learn.tuning.examples import Example, example
 from sandra.rankers.local.folder import Folder
@@ -141,8 +142,7 @@ def tune(
             )
         trainer = _trainer(folder, examples, held, out, recipe, progress)
         begin = time.monotonic()
-        last = _last_checkpoint(out / CHECKPOINTS)
-        trainer.train(resume_from_checkpoint=None if last is None else str(last))
+        trainer.train(resume_from_checkpoint=last_checkpoint(out / CHECKPOINTS))
         seconds = time.monotonic() - begin
         trainer.model.save_pretrained(out)
     # PEFT writes one that is a form to be filled in; ours is card.md.
@@ -291,17 +291,6 @@ def _trainer(
 
     trainer.add_callback(Told())
     return trainer
-
-
-def _last_checkpoint(folder: Path) -> Path | None:
-    """The last one that was written to its end: the trainer's state comes last."""
-    found = []
-    for state in folder.glob("checkpoint-*/trainer_state.json"):
-        try:
-            found.append((json.loads(state.read_text(encoding="utf-8"))["global_step"], state))
-        except (OSError, ValueError, KeyError):
-            continue  # Cut short.
-    return max(found)[1].parent if found else None
 
 
 @contextmanager

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from sandra.errors import SettingsError
+from sandra.learn.tuning.checkpoints import last_checkpoint
 from sandra.learn.tuning.curve import Curve
 from sandra.rankers.local.packages import package
 
@@ -138,16 +139,9 @@ def trained(
         callbacks=[teller()],
     )
     trainer.remove_callback(transformers.PrinterCallback)
-    trainer.train(resume_from_checkpoint=_last(transformers, checkpoints))
+    trainer.train(resume_from_checkpoint=last_checkpoint(checkpoints))
     return Curve.of(trainer.state.log_history)
 
 
 def _row(each: Weighted) -> dict[str, Any]:
     return {"input_ids": list(each.tokens), "labels": list(each.weights)}
-
-
-def _last(transformers: Any, folder: Path) -> str | None:
-    if not folder.is_dir():
-        return None
-    found: str | None = transformers.trainer_utils.get_last_checkpoint(str(folder))
-    return found
