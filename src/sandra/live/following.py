@@ -34,7 +34,7 @@ class _Seen:
 
 @dataclass(slots=True)
 class Follower:
-    """Reads a run folder, each line once."""
+    """Reads a run folder, anew at each look; what each decision told of bodies is unpacked once."""
 
     run: Path
     seen: dict[str, _Seen] = field(default_factory=dict)

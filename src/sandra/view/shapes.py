@@ -41,9 +41,18 @@ class View:
     def of(scene: Scene) -> View:
         """The view of a scene."""
         state = scene.ego.state
-        heading = scene.ego_curvilinear[3]
-        c, s = np.cos(heading), np.sin(heading)
-        return View(scene, np.array([state.x, state.y]), np.array([[c, -s], [s, c]]))
+        return View.at(scene, (state.x, state.y), scene.ego_curvilinear[3])
+
+    @staticmethod
+    def at(scene: Scene, origin: tuple[float, float], angle: float) -> View:
+        """The view from a place [m], with a direction [rad] to the right."""
+        c, s = np.cos(angle), np.sin(angle)
+        return View(scene, np.array(origin), np.array([[c, -s], [s, c]]))
+
+    @property
+    def angle(self) -> float:
+        """The direction that is to the right [rad]."""
+        return float(np.arctan2(self.rotation[1, 0], self.rotation[0, 0]))
 
     def points(self, xy: Array) -> Array:
         """(n, 2) points in the plane -> (n, 2) points in view coordinates."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
 import shapely
@@ -14,6 +15,7 @@ from sandra.decision import Decision
 from sandra.logic import Specification, Vocabulary
 from sandra.planning import Maneuver
 from sandra.reach import Status, Verdict, verify_on
+from sandra.scene.types import Scene
 from sandra.view.header import kind_of_ranker
 from sandra.view.report.curves import curves
 from sandra.view.report.document import Answer, Decided, Map, Pair, Part, Prompt
@@ -47,7 +49,7 @@ def decided(
         vocabulary: the one that the decision was made with, if not the packaged one.
     """
     scene = decision.scene
-    view = View.of(scene) if view is None else View(scene, view.origin, view.rotation)
+    view = _view_of(scene, view)
     verdicts = [(verdict, True) for verdict in decision.verdicts]
     if all_pairs:
         more = _missing(decision, vocabulary)
@@ -56,7 +58,6 @@ def decided(
     pairs = tuple(_pair(decision, verdict, asked, view, shapes) for verdict, asked in verdicts)
     state = scene.ego.state
     x, y = view.points(np.array([[state.x, state.y]]))[0].tolist()
-    turned = float(np.arctan2(view.rotation[1, 0], view.rotation[0, 0]))
     return Decided(
         step=step,
         time=time,
@@ -71,7 +72,7 @@ def decided(
             "width": scene.ego.width,
             "x": x,
             "y": y,
-            "heading": state.heading - turned,
+            "heading": state.heading - view.angle,
             "speed": state.speed,
             "acceleration": state.acceleration,
         },
@@ -97,8 +98,12 @@ def decided(
 def map_of_decision(decision: Decision, view: View | None = None) -> Map:
     """The road around a decision."""
     scene = decision.scene
-    view = View.of(scene) if view is None else View(scene, view.origin, view.rotation)
+    view = _view_of(scene, view)
     return map_of(view, scene)
+
+
+def _view_of(scene: Scene, view: View | None) -> View:
+    return View.of(scene) if view is None else replace(view, scene=scene)
 
 
 def _missing(decision: Decision, vocabulary: Vocabulary | None) -> Sequence[Verdict]:

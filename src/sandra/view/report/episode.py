@@ -96,8 +96,7 @@ def read_json(file: Path) -> dict[str, Any]:
 def view_at(scene: Scene, place: list[float]) -> View:
     """The view whose origin and direction a file tells."""
     x, y, angle = map(float, place)
-    c, s = np.cos(angle), np.sin(angle)
-    return View(scene, np.array([x, y]), np.array([[c, -s], [s, c]]))
+    return View.at(scene, (x, y), angle)
 
 
 def settings_of(how: dict[str, Any]) -> Settings:

@@ -17,8 +17,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any
 
-import numpy as np
-
 from sandra.errors import SandraError
 from sandra.simulation.episode import Step
 from sandra.view.report.decided import decided, map_of_decision
@@ -72,8 +70,7 @@ class FrameLog:
 
 def place_of(view: View) -> list[float]:
     """Origin and direction [m, m, rad]."""
-    angle = float(np.arctan2(view.rotation[1, 0], view.rotation[0, 0]))
-    return [*map(float, view.origin), angle]
+    return [*map(float, view.origin), view.angle]
 
 
 @dataclass(slots=True)

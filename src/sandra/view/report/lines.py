@@ -68,7 +68,7 @@ def _decided(told: dict[str, Any], view: View, texts: list[str]) -> Decided:
             "width": ego.width,
             "x": x,
             "y": y,
-            "heading": float(here[2] - np.arctan2(view.rotation[1, 0], view.rotation[0, 0])),
+            "heading": float(here[2] - view.angle),
             "speed": float(here[3]),
             "acceleration": float(here[4]),
         },

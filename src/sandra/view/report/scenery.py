@@ -123,9 +123,8 @@ def pack_states(view: View, states: Array) -> str:
     rows[:, :2] = np.where(
         known[:, None], view.points(np.where(known[:, None], rows[:, :2], 0.0)), np.nan
     )
-    turned = np.arctan2(view.rotation[1, 0], view.rotation[0, 0])
     # Unwrapped, so that a body between two rows does not turn the long way round.
-    rows[known, 2] = np.unwrap(rows[known, 2] - turned)
+    rows[known, 2] = np.unwrap(rows[known, 2] - view.angle)
     return pack_rows(rows, STATE)
 
 
@@ -160,5 +159,5 @@ def _thinned(line: Array) -> Array:
     """Without points that lie on the straight line between others."""
     if len(line) < 3:
         return line
-    found: Array = shapely.get_coordinates(shapely.simplify(shapely.LineString(line), 0.02))
+    found: Array = shapely.get_coordinates(shapely.simplify(shapely.LineString(line), SMOOTH))
     return found
